@@ -1,0 +1,1 @@
+"""Base-pose sequence planning for mobile manipulators, trained and solved in JAX."""

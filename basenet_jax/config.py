@@ -1,0 +1,69 @@
+"""Every number of the world, the task and the learners, in frozen dataclasses with units in their names.
+
+Sources of the defaults: the BaSeNet paper (arXiv 2406.08653), its authors' public release, Universal Robots; the
+rest are choices of this project.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class TableConfig:
+    """The table: its centre is the world's origin on the floor, solid from the floor to its top."""
+
+    length_m: float = 2.0  # along x (paper)
+    width_m: float = 0.8  # along y (paper)
+    height_m: float = 0.75
+
+
+@dataclass(frozen=True)
+class NavigationConfig:
+    """How the base drives from pose to pose."""
+
+    path_margin_m: float = 0.249  # the driven polyline stays out of the table grown by this
+    via_margin_m: float = 0.45  # via points: corners of the table grown by this
+    straight: bool = False  # True: the paper's simplest reading, one drive and one turn through anything
+    same_pose: float = 1e-6  # m or rad below which nothing is driven, and a segment has no direction
+
+
+@dataclass(frozen=True)
+class PickConfig:
+    """The pick cycle, and when it is feasible."""
+
+    pregrasp_height_m: float = 0.10
+    descent_heights_m: tuple[float, ...] = (0.075, 0.05, 0.025)  # checked between pre-grasp and grasp
+    close_s: float = 1.0
+    open_s: float = 1.0
+    gripper_symmetric: bool = True  # a parallel gripper may turn every grasp by pi
+    base_clearance_m: float = 0.10  # between base and table (release)
+    touching_m: float = 1e-5  # a clearance up to this is touching
+    position_tolerance_m: float = 1e-3
+    orientation_tolerance_rad: float = 0.5 * math.pi / 180.0
+    max_descent_step_rad: float = 0.5  # per joint, between neighbouring waypoints
+    swept_points: int = 7  # checked inside the moves home -> pre-grasp and pre-grasp -> stow
+    refinements: int = 2  # damped-least-squares steps on closed-form waypoints
+    lattice_seeds: int = 64  # for an arm without a closed form
+    lattice_iterations: int = 40
+    chunk: int = 2048  # picks checked at a time; the largest arrays of a chunk fit a CPU core's cache
+
+
+@dataclass(frozen=True)
+class SceneConfig:
+    """How random scenes are drawn."""
+
+    edge_margin_m: float = 0.08
+    max_footprint_radius_m: float = 0.09
+    start_distance_m: tuple[float, float] = (2.5, 3.0)  # from the table's centre (paper)
+    tries: int = 1024  # per object
+    redraws: int = 8  # of a whole scene
+
+
+@dataclass(frozen=True)
+class WorldConfig:
+    """All of the above."""
+
+    table: TableConfig = field(default_factory=TableConfig)
+    navigation: NavigationConfig = field(default_factory=NavigationConfig)
+    pick: PickConfig = field(default_factory=PickConfig)
+    scene: SceneConfig = field(default_factory=SceneConfig)

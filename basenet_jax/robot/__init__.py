@@ -1,0 +1,1 @@
+"""What the robot can do: its model, kinematics, inverse kinematics and timing."""

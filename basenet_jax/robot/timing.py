@@ -1,0 +1,42 @@
+"""Closed-form durations of trapezoidal velocity profiles."""
+
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float
+
+from basenet_jax.robot.model import Robot
+
+
+def trapezoid_duration(distance: Array, speed: Array | float, acceleration: Array | float) -> Array:
+    """Duration (s) of a move from rest to rest: accelerate, cruise, decelerate (a triangle when too short to cruise).
+
+    `|d|/v + v/a` where `|d| >= v^2/a`, else `2 sqrt(|d|/a)`; both give `2 v/a` at the switch. Its slope at 0 is
+    infinite; the gradient given here at exactly 0 is 0.
+
+    Args:
+        distance: signed distance (m or rad), any shape.
+        speed: the largest speed v, positive.
+        acceleration: of both ramps, positive.
+    """
+    distance = jnp.abs(distance)
+    short = distance * acceleration < speed * speed
+    moving = distance > 0
+    triangle = 2.0 * jnp.sqrt(jnp.where(short & moving, distance, 1.0) / acceleration)
+    return jnp.where(short, jnp.where(moving, triangle, 0.0), distance / speed + speed / acceleration)
+
+
+def joint_move_duration(
+    robot: Robot, start: Float[Array, "*batch dof"], goal: Float[Array, "*batch dof"]
+) -> Float[Array, "*batch"]:
+    """Duration (s) of a synchronised joint move: that of the slowest joint, on actual differences (no wrapping)."""
+    per_joint = trapezoid_duration(goal - start, robot.joint_speed, robot.joint_acceleration)
+    return jnp.max(per_joint, axis=-1)
+
+
+def synchronised_duration(robot: Robot, start: tuple, goal: tuple) -> Array:
+    """`joint_move_duration` on struct-of-arrays joints (a tuple of one array per joint)."""
+    duration = jnp.zeros(())
+    for index, (before, after) in enumerate(zip(start, goal, strict=True)):
+        speed, acceleration = robot.joint_speed[index], robot.joint_acceleration[index]
+        duration = jnp.maximum(duration, trapezoid_duration(after - before, speed, acceleration))
+    return duration

@@ -1,0 +1,1 @@
+"""What a plan costs: driving, picking, and the judge that executes a plan."""

@@ -1,0 +1,187 @@
+"""All arm solutions of picks: the closed form's branches, or damped least squares from a lattice of seeds.
+
+Solutions are numbered so that `number % turns` tells whether the gripper is turned by pi. A chunk of picks is struct
+of arrays: every component has the batch's shape.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jaxtyping import Float, Int
+
+from basenet_jax.config import PickConfig
+from basenet_jax.robot import ur
+from basenet_jax.robot.ik import damped_least_squares, residual
+from basenet_jax.robot.kinematics import Frame, Vector
+from basenet_jax.robot.model import Robot
+from basenet_jax.robot.timing import synchronised_duration
+from basenet_jax.trigonometry import sin_cos
+
+Joints = tuple[Array, ...]
+
+
+class Picks(NamedTuple):
+    """A batch of picks: base poses as (x, y, heading) in W, and tool0 at the grasp as (x, y, z, yaw) in W."""
+
+    base_pose: Vector
+    grasp: tuple[Array, Array, Array, Array]
+
+
+class Solutions(NamedTuple):
+    """K solutions of each of B picks."""
+
+    estimate: Float[Array, "K B"]  # s, of the whole cycle before refinement; infinite where there is no solution
+    pregrasp: Joints | None  # (K, B) each, for robots without a closed form
+
+
+def solve(robot: Robot, picks: Picks, config: PickConfig) -> Solutions:
+    """Estimates every solution of every pick."""
+    if robot.closed_form == "ur":
+        return _solve_closed_form(robot, picks, config)
+    return _solve_lattice(robot, picks, config)
+
+
+def waypoints(
+    robot: Robot, picks: Picks, solutions: Solutions, choice: Int[Array, " B"], config: PickConfig
+) -> tuple[Frame, Joints]:
+    """Targets and first joints, (waypoints, B) each, of one solution of each pick, for the solver to refine."""
+    target = tool_target(robot, picks, heights(config)[:, None], (choice % turns(config)) * jnp.pi)
+    if robot.closed_form == "ur":
+        joints = ur.closed_form(robot, target, ur.branch_signs(choice // turns(config))).joints
+        shape = (len(heights(config)), len(choice))
+        return target, _follow(robot, tuple(jnp.broadcast_to(q, shape) for q in joints))
+    start = tuple(jnp.take_along_axis(q, choice[None], axis=0)[0] for q in solutions.pregrasp)
+    return target, _descend(robot, target, start, config)
+
+
+def heights(config: PickConfig) -> np.ndarray:
+    """Heights of the waypoints above the grasp (m), from pre-grasp to grasp."""
+    return np.array([config.pregrasp_height_m, *config.descent_heights_m, 0.0])
+
+
+def turns(config: PickConfig) -> int:
+    """Number of ways to hold the gripper at a grasp."""
+    return 2 if config.gripper_symmetric else 1
+
+
+def tool_target(robot: Robot, picks: Picks, height: Array | float, turn: Array | float) -> Frame:
+    """The tool frame in the arm's base frame, `height` (m) above the grasp, the gripper turned by `turn` (rad).
+
+    T_a_t = T_b_a^-1 T_W_b^-1 T_W_t, with R_W_t = Rz(yaw) Rx(pi).
+    """
+    (base_x, base_y, heading), (x, y, z, yaw) = picks.base_pose, picks.grasp
+    sine, cosine = sin_cos(heading)
+    along, across = x - base_x, y - base_y
+    in_base = (cosine * along + sine * across, cosine * across - sine * along, z + height)
+    sine, cosine = sin_cos(yaw - heading + turn)
+    zero = jnp.zeros(())
+    axes = ((cosine, sine, zero), (sine, -cosine, zero), (zero, zero, jnp.full((), -1.0)))
+    mount = robot.mount_rotation
+    offset = tuple(p - robot.mount_position[k] for k, p in enumerate(in_base))
+
+    def in_arm(v: Vector) -> Vector:
+        return tuple(v[0] * mount[0, k] + v[1] * mount[1, k] + v[2] * mount[2, k] for k in range(3))
+
+    return Frame(*(in_arm(axis) for axis in axes), origin=in_arm(offset))
+
+
+def cycle_duration(robot: Robot, pregrasp: Joints, grasp: Joints, config: PickConfig) -> Array:
+    """Duration (s) of a whole pick cycle: home, pre-grasp, grasp, close, pre-grasp, stow, open, home."""
+    home, stow = tuple(robot.home), tuple(robot.stow)
+    descent = synchronised_duration(robot, pregrasp, grasp)
+    carry = synchronised_duration(robot, pregrasp, stow) + synchronised_duration(robot, stow, home)
+    return synchronised_duration(robot, home, pregrasp) + 2 * descent + carry + config.close_s + config.open_s
+
+
+def _solve_closed_form(robot: Robot, picks: Picks, config: PickConfig) -> Solutions:
+    batch = picks.grasp[0].shape
+    branch = ur.all_branches(1 + len(batch))  # axes: shoulder, wrist, elbow, turn, pick
+    turn = jnp.arange(turns(config))[:, None] * jnp.pi
+    ends = [
+        ur.closed_form(robot, tool_target(robot, picks, height, turn), branch)
+        for height in (config.pregrasp_height_m, 0.0)
+    ]
+    pregrasp, inside = _nearest_equivalents(robot, ends[0].joints, tuple(robot.home))
+    grasp, grasp_inside = _nearest_equivalents(robot, ends[1].joints, pregrasp)
+    valid = inside & grasp_inside
+    for end in ends:
+        valid = valid & (end.shortfall <= config.position_tolerance_m)
+    estimate = jnp.where(valid, cycle_duration(robot, pregrasp, grasp, config), jnp.inf)
+    return Solutions(estimate.reshape(ur.BRANCHES * turns(config), *batch), None)
+
+
+def _solve_lattice(robot: Robot, picks: Picks, config: PickConfig) -> Solutions:
+    seeds = lattice(robot, config.lattice_seeds)
+    (batch,) = picks.grasp[0].shape
+    shape = (len(seeds), turns(config), batch)
+    turn = jnp.arange(turns(config))[:, None] * jnp.pi
+    start = tuple(jnp.broadcast_to(seeds[:, i, None, None], shape) for i in range(robot.dof))
+    targets = [
+        jax.tree.map(lambda x: jnp.broadcast_to(x, shape), tool_target(robot, picks, height, turn))
+        for height in (config.pregrasp_height_m, 0.0)
+    ]
+    pregrasp = damped_least_squares(robot, targets[0], start, config.lattice_iterations)
+    pregrasp, inside = _nearest_equivalents(robot, pregrasp, tuple(robot.home))
+    grasp = damped_least_squares(robot, targets[1], pregrasp, config.lattice_iterations // 4)
+    grasp, grasp_inside = _nearest_equivalents(robot, grasp, pregrasp)
+    valid = inside & grasp_inside & _reached(robot, targets[0], pregrasp, config)
+    valid = valid & _reached(robot, targets[1], grasp, config)
+    estimate = jnp.where(valid, cycle_duration(robot, pregrasp, grasp, config), jnp.inf)
+    return Solutions(estimate.reshape(-1, batch), tuple(q.reshape(-1, batch) for q in pregrasp))
+
+
+def lattice(robot: Robot, count: int) -> Float[np.ndarray, "count dof"]:
+    """Joint vectors spread evenly over the limits (one turn of them at most): home first, then Roberts' R sequence.
+
+    M. Roberts, *The unreasonable effectiveness of quasirandom sequences*, 2018: multiples of the powers of the
+    root of x^(d+1) = x + 1, modulo 1.
+    """
+    root = 2.0
+    for _ in range(64):
+        root = (1.0 + root) ** (1.0 / (robot.dof + 1))
+    unit = (0.5 + np.outer(np.arange(1, count), root ** -np.arange(1.0, robot.dof + 1))) % 1.0
+    lower, upper = np.asarray(robot.joint_lower), np.asarray(robot.joint_upper)
+    revolute = ~np.array(robot.prismatic)
+    lower = np.where(revolute, np.maximum(lower, -np.pi), lower)
+    upper = np.where(revolute, np.minimum(upper, np.pi), upper)
+    return np.concatenate([np.asarray(robot.home)[None], lower + unit * (upper - lower)])
+
+
+def _descend(robot: Robot, target: Frame, pregrasp: Joints, config: PickConfig) -> Joints:
+    """Waypoints from the pre-grasp down, each solved from the one above."""
+    rows = [pregrasp]
+    for row in range(1, len(heights(config))):
+        below = jax.tree.map(lambda x, row=row: x[row] if x.ndim > 1 and x.shape[0] > 1 else x, target)
+        rows.append(damped_least_squares(robot, below, rows[-1], config.lattice_iterations // 8))
+    return tuple(jnp.stack(column) for column in zip(*rows, strict=True))
+
+
+def _follow(robot: Robot, joints: Joints) -> Joints:
+    """The equivalents of closed-form waypoints: the pre-grasp's nearest to home, the others' nearest to the one above."""
+    (first, _) = _nearest_equivalents(robot, tuple(q[0] for q in joints), tuple(robot.home))
+    rows = [first]
+    for row in range(1, len(joints[0])):
+        rows.append(_nearest_equivalents(robot, tuple(q[row] for q in joints), rows[-1])[0])
+    return tuple(jnp.stack(column) for column in zip(*rows, strict=True))
+
+
+def _nearest_equivalents(robot: Robot, joints: Joints, reference: Joints) -> tuple[Joints, Array]:
+    """Per joint the 2 pi-equivalent inside the limits that is nearest to a reference, and whether all joints have one."""
+    nearest, inside = [], jnp.ones((), bool)
+    for index, (joint, near) in enumerate(zip(joints, reference, strict=True)):
+        lower, upper = robot.joint_lower[index], robot.joint_upper[index]
+        if not robot.prismatic[index]:
+            turn = 2.0 * jnp.pi
+            fewest, most = jnp.ceil((lower - joint) / turn), jnp.floor((upper - joint) / turn)
+            joint = joint + turn * jnp.clip(jnp.round((near - joint) / turn), fewest, jnp.maximum(most, fewest))
+        inside = inside & (joint >= lower) & (joint <= upper)
+        nearest.append(joint)
+    return tuple(nearest), inside
+
+
+def _reached(robot: Robot, target: Frame, joints: Joints, config: PickConfig) -> Array:
+    position_error, orientation_error = residual(robot, target, joints)
+    return (position_error <= config.position_tolerance_m) & (orientation_error <= config.orientation_tolerance_rad)

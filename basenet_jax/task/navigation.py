@@ -1,0 +1,147 @@
+"""How long the base drives from pose to pose: round the table, by turning, driving and turning."""
+
+import itertools
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jaxtyping import Float
+
+from basenet_jax.config import NavigationConfig
+from basenet_jax.robot.kinematics import Vector, components
+from basenet_jax.robot.model import Robot
+from basenet_jax.robot.timing import trapezoid_duration
+from basenet_jax.trigonometry import atan2, wrap_angle
+from basenet_jax.world.scene import Table
+
+# Corners of the table in order round it, as signs of its half sides: neighbours (cyclically) are adjacent, and the
+# straight line between adjacent via points is always free.
+_CORNERS = np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
+
+
+def navigation_time(
+    robot: Robot,
+    start: Float[Array, "*batch 3"],
+    goal: Float[Array, "*batch 3"],
+    table: Table,
+    config: NavigationConfig = NavigationConfig(),
+) -> Float[Array, "*batch"]:
+    """Least time (s) for the base to drive from one pose to another round the table; infinite if there is no way.
+
+    The base turns, drives and turns along a polyline (straight, or over one or two adjacent via points, corners of
+    the grown table), all forward or all in reverse, stopping at every corner; each part is a trapezoidal profile.
+    The polyline may not enter the open rectangle "table grown by the path margin".
+
+    Args:
+        robot: its base's speeds and accelerations count.
+        start: pose (x, y, heading) in W.
+        goal: likewise.
+        table: the table.
+        config: margins, and whether to drive straight through anything.
+    """
+    p, q = components(start), components(goal)
+    straight = _leg(robot, p[:2], q[:2], table, config)
+    turned = _turn_duration(robot, q[2] - p[2])
+    if config.straight:
+        time = straight.duration + turned
+    else:
+        legs = _Ways(robot, p, q, straight, *_over_vias(robot, p, q, table, config))
+        time = jnp.where(straight.short, turned, _least_way(legs))
+    same = straight.short & (jnp.abs(wrap_angle(q[2] - p[2])) <= config.same_pose)
+    return jnp.where(same, 0.0, time)
+
+
+class _Leg(NamedTuple):
+    """A straight drive between two points."""
+
+    direction: Array  # rad
+    duration: Array  # s
+    free: Array  # whether it stays out of the grown table
+    short: Array  # whether it is too short to have a direction
+
+
+class _Ways(NamedTuple):
+    """All legs of the ways from pose p to pose q; those to and from vias have a leading axis of four."""
+
+    robot: Robot
+    p: Vector
+    q: Vector
+    straight: _Leg
+    outward: _Leg  # from p to each via
+    round: _Leg  # from each via to the next
+    inward: _Leg  # from each via to q
+
+
+def _over_vias(robot: Robot, p: Vector, q: Vector, table: Table, config: NavigationConfig) -> tuple[_Leg, _Leg, _Leg]:
+    """The legs from p to each via point, from each via point to the next one round the table, and from each to q."""
+    half = table.half_size + config.via_margin_m
+    corners = _CORNERS.reshape(4, *(1,) * max(p[0].ndim, q[0].ndim, half.ndim - 1), 2)
+    vias = (corners[..., 0] * half[..., 0], corners[..., 1] * half[..., 1])
+    following = tuple(jnp.roll(via, -1, axis=0) for via in vias)
+    ends = ((p[:2], vias), (vias, following), (vias, q[:2]))
+    outward, between, inward = (_leg(robot, a, b, table, config) for a, b in ends)
+    return outward, between, inward
+
+
+def _least_way(ways: _Ways) -> Array:
+    """The least duration over all allowed ways, in both gears."""
+    best = jnp.inf
+    for gear in (0.0, jnp.pi):  # forward, reverse: the base's heading is opposite to the direction of travel
+        best = jnp.minimum(best, _duration(ways, gear, [ways.straight]))
+        for via in range(4):
+            legs = [_at(ways.outward, via), _at(ways.inward, via)]
+            best = jnp.minimum(best, _duration(ways, gear, legs))
+            following = (via + 1) % 4
+            edge = _at(ways.round, via)
+            legs = [_at(ways.outward, via), edge, _at(ways.inward, following)]
+            best = jnp.minimum(best, _duration(ways, gear, legs))
+            back = edge._replace(direction=edge.direction + jnp.pi)
+            legs = [_at(ways.outward, following), back, _at(ways.inward, via)]
+            best = jnp.minimum(best, _duration(ways, gear, legs))
+    return best
+
+
+def _at(legs: _Leg, via: int) -> _Leg:
+    return _Leg(*(field[via] for field in legs))
+
+
+def _duration(ways: _Ways, gear: float, legs: list[_Leg]) -> Array:
+    """Duration of one way in one gear, infinite if a leg is not free.
+
+    A way over a via point that coincides with p or q is left out: the same way without that via is among the others.
+    """
+    time = _turn_duration(ways.robot, legs[0].direction + gear - ways.p[2])
+    time = time + _turn_duration(ways.robot, ways.q[2] - legs[-1].direction - gear)
+    for before, after in itertools.pairwise(legs):
+        time = time + _turn_duration(ways.robot, after.direction - before.direction)
+    allowed = True
+    for leg in legs:
+        time, allowed = time + leg.duration, allowed & leg.free & ~leg.short
+    return jnp.where(allowed, time, jnp.inf)
+
+
+def _leg(robot: Robot, start: Sequence[Array], end: Sequence[Array], table: Table, config: NavigationConfig) -> _Leg:
+    along = (end[0] - start[0], end[1] - start[1])
+    length = jnp.sqrt(along[0] * along[0] + along[1] * along[1])
+    return _Leg(
+        direction=atan2(along[1], along[0]),
+        duration=trapezoid_duration(length, robot.base_speed[0], robot.base_acceleration[0]),
+        free=_stays_out(start, end, table.half_size + config.path_margin_m),
+        short=length <= config.same_pose,
+    )
+
+
+def _stays_out(start: Sequence[Array], end: Sequence[Array], half: Array) -> Array:
+    """Whether a segment stays out of an open rectangle about the origin: one of three axes separates them."""
+    middle = [0.5 * (a + b) for a, b in zip(start, end, strict=True)]
+    extent = [0.5 * (b - a) for a, b in zip(start, end, strict=True)]
+    x, y = jnp.abs(extent[0]), jnp.abs(extent[1])
+    beside = jnp.abs(middle[0] * extent[1] - middle[1] * extent[0]) >= half[..., 0] * y + half[..., 1] * x
+    return (jnp.abs(middle[0]) >= half[..., 0] + x) | (jnp.abs(middle[1]) >= half[..., 1] + y) | beside
+
+
+def _turn_duration(robot: Robot, angle: Array) -> Array:
+    """Duration (s) of a turn on the spot, the shorter way round."""
+    return trapezoid_duration(wrap_angle(angle), robot.base_speed[1], robot.base_acceleration[1])

@@ -1,0 +1,170 @@
+"""The pick cycle: whether an object can be picked from a base pose, how long it takes, and the arm's waypoints.
+
+A batch goes through two stages. First every arm solution of every pick gets an estimated time (infinite where there
+is none). Then the fastest not yet rejected solution of each undecided pick is refined and checked in full; picks that
+fail go round again with their next solution, in chunks of undecided picks only, until all are decided.
+"""
+
+import enum
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from flax import struct
+from jax import Array
+from jaxtyping import Bool, Float, Int
+
+from basenet_jax.config import PickConfig
+from basenet_jax.robot.ik import damped_least_squares, residual
+from basenet_jax.robot.kinematics import Vector, components
+from basenet_jax.robot.model import Robot
+from basenet_jax.task import arm_solutions
+from basenet_jax.world.clearance import base_collides, capsules_touch
+from basenet_jax.world.scene import Table
+
+# (robot, base pose as x, y, heading, joints, table) -> whether the arm touches anything; the default is the kernels'.
+ArmCheck = Callable[[Robot, Vector, tuple[Array, ...], Table], Array]
+
+
+class Reason(enum.IntEnum):
+    """Why a step of a plan fails: the first rule at which no arm solution is left, or what stopped the drive."""
+
+    NONE = 0
+    BASE_COLLIDES = 1
+    OUT_OF_REACH = 2
+    NO_STRAIGHT_DESCENT = 3
+    ARM_COLLIDES = 4
+    UNREACHABLE = 5
+    NOT_EXECUTED = 6
+
+
+@struct.dataclass
+class Pick:
+    """Outcome of picks. Waypoints: pre-grasp, the heights in between from top to bottom, grasp."""
+
+    feasible: Bool[Array, "*batch"]
+    reason: Int[Array, "*batch"]  # a `Reason`
+    time: Float[Array, "*batch"]  # s, of the whole cycle; 0 where infeasible
+    joints: Float[Array, "*batch waypoints dof"]  # rad; home where infeasible
+
+
+def pick(
+    robot: Robot,
+    base_pose: Float[Array, "*batch 3"],
+    grasp: Float[Array, "*batch 4"],
+    table: Table,
+    config: PickConfig = PickConfig(),
+    arm_check: ArmCheck = capsules_touch,
+) -> Pick:
+    """Whether and how fast objects are picked from base poses.
+
+    Among the feasible arm solutions (all branches, and both grasp yaws for a symmetric gripper) the fastest is taken.
+
+    Args:
+        robot: the robot.
+        base_pose: of the base, (x, y, heading) in W.
+        grasp: of tool0, (x, y, z, yaw) in W; see `Scene.grasps`.
+        table: one table for the whole batch.
+        config: heights, tolerances and durations of the cycle.
+        arm_check: tests joint states for collision.
+    """
+    batch = jnp.broadcast_shapes(base_pose.shape[:-1], grasp.shape[:-1])
+    base_pose = jnp.broadcast_to(base_pose, (*batch, 3)).reshape(-1, 3)
+    grasp = jnp.broadcast_to(grasp, (*batch, 4)).reshape(-1, 4)
+    collides = base_collides(robot, base_pose, table, config.base_clearance_m, config.touching_m)
+    picks = arm_solutions.Picks(components(base_pose), components(grasp))
+    solutions = arm_solutions.solve(robot, picks, config)
+    estimate = jnp.where(collides, jnp.inf, solutions.estimate)
+    home = jnp.asarray(robot.home, estimate.dtype)[:, None, None]
+    search = _Search(
+        estimate=estimate,
+        rule=jnp.where(collides, Reason.BASE_COLLIDES, Reason.OUT_OF_REACH),
+        decided=~jnp.any(jnp.isfinite(estimate), axis=0),
+        time=jnp.zeros_like(estimate[0]),
+        joints=jnp.broadcast_to(home, (robot.dof, len(arm_solutions.heights(config)), len(grasp))),
+    )
+
+    def attempt(search: _Search) -> _Search:
+        return _attempt(robot, picks, solutions, table, config, arm_check, search)
+
+    search = jax.lax.while_loop(lambda search: ~jnp.all(search.decided), attempt, search)
+    return Pick(
+        feasible=(search.rule == Reason.NONE).reshape(batch),
+        reason=search.rule.reshape(batch),
+        time=search.time.reshape(batch),
+        joints=jnp.transpose(search.joints, (2, 1, 0)).reshape(*batch, -1, robot.dof),
+    )
+
+
+class _Search(NamedTuple):
+    """The search through each pick's solutions (K solutions, B picks)."""
+
+    estimate: Float[Array, "K B"]  # s; infinite once rejected
+    rule: Int[Array, " B"]  # the rule reached farthest so far; NONE once found feasible
+    decided: Bool[Array, " B"]
+    time: Float[Array, " B"]
+    joints: Float[Array, "dof waypoints B"]
+
+
+def _attempt(robot, picks, solutions, table, config: PickConfig, arm_check: ArmCheck, search: _Search) -> _Search:
+    """Checks the fastest remaining solution of a chunk of undecided picks."""
+    count = search.decided.shape[0]
+    chunk = min(count, config.chunk)
+    (index,) = jnp.nonzero(~search.decided, size=chunk, fill_value=count)  # count: no pick, dropped when written
+    part, own_solutions, own = jax.tree.map(
+        lambda x: x.at[..., index].get(mode="clip"), (picks, solutions, search)
+    )
+    choice = jnp.argmin(own.estimate, axis=0)
+    rule, time, joints = _check(robot, part, own_solutions, choice, table, config, arm_check)
+    feasible = rule == Reason.NONE
+    estimate = own.estimate.at[choice, jnp.arange(chunk)].set(jnp.inf)
+    found = _Search(
+        estimate=estimate,
+        rule=jnp.where(feasible, rule, jnp.maximum(rule, own.rule)),
+        decided=feasible | ~jnp.any(jnp.isfinite(estimate), axis=0),
+        time=jnp.where(feasible, time, 0.0),
+        joints=jnp.where(feasible, jnp.stack(joints), own.joints),
+    )
+    return jax.tree.map(lambda all, new: all.at[..., index].set(new, mode="drop"), search, found)
+
+
+def _check(robot, picks, solutions, choice, table, config: PickConfig, arm_check: ArmCheck):
+    """Refines one solution of each pick; the first rule it breaks (NONE if none), its cycle's duration, its joints."""
+    target, joints = arm_solutions.waypoints(robot, picks, solutions, choice, config)
+    joints = damped_least_squares(robot, target, joints, config.refinements)
+    position_error, orientation_error = residual(robot, target, joints)
+    reached = (position_error <= config.position_tolerance_m) & (orientation_error <= config.orientation_tolerance_rad)
+    smooth = jnp.ones_like(reached[0])
+    for joint in joints:
+        smooth = smooth & jnp.all(jnp.abs(joint[1:] - joint[:-1]) <= config.max_descent_step_rad, axis=0)
+    touches = jnp.any(arm_check(robot, picks.base_pose, _checked_states(robot, joints, config), table), axis=0)
+    rule = jnp.where(touches, Reason.ARM_COLLIDES, Reason.NONE)
+    rule = jnp.where(smooth & jnp.all(reached, axis=0), rule, Reason.NO_STRAIGHT_DESCENT)
+    rule = jnp.where(reached[0] & reached[-1], rule, Reason.OUT_OF_REACH)
+    pregrasp, grasp = tuple(q[0] for q in joints), tuple(q[-1] for q in joints)
+    return rule, arm_solutions.cycle_duration(robot, pregrasp, grasp, config), joints
+
+
+def checked_fractions(config: PickConfig) -> np.ndarray:
+    """Fractions of the moves home -> pre-grasp and pre-grasp -> stow at which the arm is checked."""
+    return np.arange(1, config.swept_points + 1) / (config.swept_points + 1)
+
+
+def _checked_states(robot: Robot, joints: tuple[Array, ...], config: PickConfig) -> tuple[Array, ...]:
+    """The joint states (states, B) of rule 4: all waypoints, then points inside the moves to pre-grasp and to stow.
+
+    Each state is a weighted sum of home, stow and the waypoints, so one small matrix product makes them all.
+    """
+    waypoints, fractions = len(joints[0]), checked_fractions(config)[:, None]
+    from_pregrasp = np.eye(waypoints)[:1]
+    weights = np.concatenate([np.eye(waypoints), fractions * from_pregrasp, (1 - fractions) * from_pregrasp])
+    zero, rest = np.zeros((waypoints, 1)), np.zeros_like(fractions)
+    home, stow = np.concatenate([zero, 1 - fractions, rest]), np.concatenate([zero, rest, fractions])
+    dtype = joints[0].dtype
+    return tuple(
+        jnp.einsum("sw,w...->s...", weights.astype(dtype), joint, precision=jax.lax.Precision.HIGHEST)
+        + (home * robot.home[index] + stow * robot.stow[index]).astype(dtype)
+        for index, joint in enumerate(joints)
+    )

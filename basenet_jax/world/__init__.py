@@ -1,0 +1,1 @@
+"""Where the robot works: scenes, their files, clearances, and the MuJoCo scene."""

@@ -1,0 +1,81 @@
+"""Scenes: a table, objects with their top-down grasps, and where the robot starts, as one pytree."""
+
+import math
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+from flax import struct
+from jax import Array
+from jaxtyping import Bool, Float, Int
+
+from basenet_jax.config import TableConfig
+from basenet_jax.trigonometry import sin_cos
+
+MAX_OBJECTS = 50
+
+
+@dataclass(frozen=True)
+class ObjectClass:
+    """A kind of object: its size and where tool0 is at the top-down grasp, in the object's frame."""
+
+    name: str
+    size: tuple[float, float, float]  # x, y, z (m)
+    grasp_x: float  # m
+    grasp_z: float  # m above the object's centre
+    grasp_yaw: float  # rad
+
+
+# Sizes: YCB. Grasps: the BaSeNet release.
+OBJECT_CLASSES = (
+    ObjectClass("cracker_box", (0.06, 0.16, 0.21), 0.0, 0.30, 0.0),
+    ObjectClass("bleach_cleanser", (0.065, 0.098, 0.25), 0.0, 0.35, -math.pi / 2),
+    ObjectClass("mustard_bottle", (0.05, 0.085, 0.175), 0.0, 0.32, math.pi / 4),
+    ObjectClass("mug", (0.08, 0.08, 0.082), -0.06, 0.30, 0.0),
+    ObjectClass("bowl", (0.159, 0.159, 0.053), 0.08, 0.29, 0.0),
+)
+
+
+@struct.dataclass
+class Table:
+    """The table's box, centred on W's origin."""
+
+    half_size: Float[Array, "*batch 2"]  # m, along x and y
+    height: Float[Array, "*batch"]  # m, of its top
+
+    @classmethod
+    def from_config(cls, config: TableConfig = TableConfig()) -> "Table":
+        """The table of a config."""
+        half_size = jnp.array([config.length_m / 2, config.width_m / 2])
+        return cls(half_size=half_size, height=jnp.array(config.height_m))
+
+
+@struct.dataclass
+class Scene:
+    """One scene, or a batch of them, with objects padded to M slots. Poses are `(x, y, yaw)` in W."""
+
+    object_pose: Float[Array, "*batch M 3"]
+    object_size: Float[Array, "*batch M 3"]  # x, y, z (m)
+    object_grasp: Float[Array, "*batch M 3"]  # tool0's x, z (m) and yaw (rad) in the object's frame
+    object_class: Int[Array, "*batch M"]  # index into OBJECT_CLASSES; -1: a class of the user's own
+    mask: Bool[Array, "*batch M"]  # which slots hold an object
+    robot_start: Float[Array, "*batch 3"]
+    table: Table
+
+    @property
+    def grasps(self) -> Float[Array, "*batch M 4"]:
+        """tool0's x, y, z (m) and yaw (rad) in W at each object's grasp."""
+        return world_grasp(self.object_pose, self.object_size, self.object_grasp, self.table.height[..., None])
+
+
+def world_grasp(
+    pose: Float[Array, "*batch 3"],
+    size: Float[Array, "*batch 3"],
+    grasp: Float[Array, "*batch 3"],
+    table_height: Float[Array, "*batch"],
+) -> Float[Array, "*batch 4"]:
+    """tool0's x, y, z and yaw in W at the grasp: R_W_tool0 = Rz(yaw) Rx(pi), the tool's z pointing down."""
+    sine, cosine = sin_cos(pose[..., 2])
+    x = pose[..., 0] + cosine * grasp[..., 0]
+    y = pose[..., 1] + sine * grasp[..., 0]
+    z = table_height + 0.5 * size[..., 2] + grasp[..., 1]
+    return jnp.stack([x, y, z, pose[..., 2] + grasp[..., 2]], axis=-1)
