@@ -83,7 +83,7 @@ def damped_least_squares(
         tool = tool_frame(robot, frames)
         error = _pose_error(target, tool)
         columns = [(*linear, *angular) for linear, angular in jacobian_columns(robot, frames, tool.origin)]
-        weight = 0.5 * sum(component * component for component in error) + DAMPING
+        weight = 0.5 * (dot(error[:3], error[:3]) + dot(error[3:], error[3:])) + DAMPING
         multipliers = _solve_spd(_gram(columns, weight), error)
         change = [sum(j * y for j, y in zip(column, multipliers, strict=True)) for column in columns]
         largest = jnp.abs(change[0])
@@ -122,7 +122,7 @@ def _halve(vector: Vector) -> Vector:
 def _gram(columns: list[tuple[Array, ...]], weight: Array) -> list[list[Array]]:
     """The lower triangle of J J^T + weight I."""
     size = len(columns[0])
-    rows = [[sum(c[i] * c[j] for c in columns) for j in range(i + 1)] for i in range(size)]
+    rows = [[sum((c[i] * c[j] for c in columns), jnp.zeros(())) for j in range(i + 1)] for i in range(size)]
     for i in range(size):
         rows[i][i] = rows[i][i] + weight
     return rows

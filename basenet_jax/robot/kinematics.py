@@ -14,7 +14,7 @@ from jaxtyping import Float
 from basenet_jax.robot.model import Robot
 from basenet_jax.trigonometry import sin_cos
 
-Vector = tuple[Array, Array, Array]
+Vector = tuple[Array, ...]  # x, y, z
 
 
 class Frame(NamedTuple):

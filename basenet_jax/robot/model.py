@@ -1,18 +1,23 @@
 """The robot: what its MJCF says of frames, joints and shapes, and what its robot file adds, as one frozen pytree."""
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled module comes without type stubs.)
+
 import functools
+import itertools
 import math
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 import mujoco
 import numpy as np
 from flax import struct
+from jax import Array
 from jaxtyping import Float
 
-Array = np.ndarray
+Transform = tuple[np.ndarray, np.ndarray]  # rotation, position
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 
@@ -145,7 +150,7 @@ def _build(file: RobotFile, model: mujoco.MjModel, model_path: str) -> Robot:
     mujoco.mj_kinematics(model, data)
     joint_ids = [model.joint(name).id for name in file.joints]
     frames = [_body_frame(model, data, file.frames.arm_base), *(_joint_frame(model, data, j) for j in joint_ids)]
-    steps = [_between(before, after) for before, after in zip(frames[:-1], frames[1:], strict=True)]
+    steps = [_between(before, after) for before, after in itertools.pairwise(frames)]
     tool = _between(frames[-1], _site_frame(model, data, file.frames.tool))
     mount = _between(_body_frame(model, data, "base"), frames[0])
     capsules = list(_capsules(model, data, file.arm_geoms, joint_ids, frames))
@@ -161,28 +166,31 @@ def _build(file: RobotFile, model: mujoco.MjModel, model_path: str) -> Robot:
             raise ValueError(f"{field}: found {len(values)} values, needs one for each of {len(joint_ids)} joints")
     sliding = tuple(bool(model.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE) for j in joint_ids)
     unit = np.where(sliding, 1.0, math.pi / 180.0)
+    leaves: dict[str, Any] = {
+        "joint_rotation": np.stack([rotation for rotation, _ in steps]),
+        "joint_position": np.stack([position for _, position in steps]),
+        "tool_rotation": tool[0],
+        "tool_position": tool[1],
+        "mount_rotation": mount[0],
+        "mount_position": mount[1],
+        "joint_lower": model.jnt_range[joint_ids, 0].copy(),
+        "joint_upper": model.jnt_range[joint_ids, 1].copy(),
+        "joint_speed": np.array(file.joint_speed),
+        "joint_acceleration": np.array(file.joint_acceleration),
+        "home": np.array(file.home_degrees) * unit,
+        "stow": np.array(file.stow_degrees) * unit,
+        "capsule_start": np.stack([start for _, _, start, _, _ in capsules]),
+        "capsule_end": np.stack([end for _, _, _, end, _ in capsules]),
+        "capsule_radius": np.array([radius for *_, radius in capsules]),
+        "body_center": body.pos.copy(),
+        "body_half_size": body.size.copy(),
+        "footprint_half_size": np.array(file.base.footprint) / 2,
+        "base_speed": np.array([file.base.speed.linear, file.base.speed.angular]),
+        "base_acceleration": np.array([file.base.acceleration.linear, file.base.acceleration.angular]),
+        "deck": np.array([*file.deck.center, *file.deck.size]),
+    }
     return Robot(
-        joint_rotation=np.stack([rotation for rotation, _ in steps]),
-        joint_position=np.stack([position for _, position in steps]),
-        tool_rotation=tool[0],
-        tool_position=tool[1],
-        mount_rotation=mount[0],
-        mount_position=mount[1],
-        joint_lower=model.jnt_range[joint_ids, 0].copy(),
-        joint_upper=model.jnt_range[joint_ids, 1].copy(),
-        joint_speed=np.array(file.joint_speed),
-        joint_acceleration=np.array(file.joint_acceleration),
-        home=np.array(file.home_degrees) * unit,
-        stow=np.array(file.stow_degrees) * unit,
-        capsule_start=np.stack([start for _, _, start, _, _ in capsules]),
-        capsule_end=np.stack([end for _, _, _, end, _ in capsules]),
-        capsule_radius=np.array([radius for *_, radius in capsules]),
-        body_center=body.pos.copy(),
-        body_half_size=body.size.copy(),
-        footprint_half_size=np.array(file.base.footprint) / 2,
-        base_speed=np.array([file.base.speed.linear, file.base.speed.angular]),
-        base_acceleration=np.array([file.base.acceleration.linear, file.base.acceleration.angular]),
-        deck=np.array([*file.deck.center, *file.deck.size]),
+        **leaves,
         name=file.name,
         model_path=model_path,
         joint_names=tuple(file.joints),
@@ -193,22 +201,22 @@ def _build(file: RobotFile, model: mujoco.MjModel, model_path: str) -> Robot:
     )
 
 
-def _between(parent: tuple[Array, Array], child: tuple[Array, Array]) -> tuple[Array, Array]:
+def _between(parent: Transform, child: Transform) -> Transform:
     """The child's rotation and position in its parent, both given in the world at the zero configuration."""
     return parent[0].T @ child[0], parent[0].T @ (child[1] - parent[1])
 
 
-def _body_frame(model: mujoco.MjModel, data: mujoco.MjData, name: str) -> tuple[Array, Array]:
+def _body_frame(model: mujoco.MjModel, data: mujoco.MjData, name: str) -> Transform:
     body = data.body(name)
     return body.xmat.reshape(3, 3).copy(), body.xpos.copy()
 
 
-def _site_frame(model: mujoco.MjModel, data: mujoco.MjData, name: str) -> tuple[Array, Array]:
+def _site_frame(model: mujoco.MjModel, data: mujoco.MjData, name: str) -> Transform:
     site = data.site(name)
     return site.xmat.reshape(3, 3).copy(), site.xpos.copy()
 
 
-def _joint_frame(model: mujoco.MjModel, data: mujoco.MjData, joint: int) -> tuple[Array, Array]:
+def _joint_frame(model: mujoco.MjModel, data: mujoco.MjData, joint: int) -> Transform:
     """The frame at the joint's anchor whose z is its axis; the body's own axes where they already are."""
     rotation = data.xmat[model.jnt_bodyid[joint]].reshape(3, 3)
     axis = model.jnt_axis[joint]
@@ -219,7 +227,7 @@ def _joint_frame(model: mujoco.MjModel, data: mujoco.MjData, joint: int) -> tupl
     return rotation.copy(), data.xanchor[joint].copy()
 
 
-def _capsules(model, data, prefix: str, joint_ids: list[int], frames: list[tuple[Array, Array]]):
+def _capsules(model, data, prefix: str, joint_ids: list[int], frames: list[Transform]):
     """Yields (link, name, start, end, radius) of every capsule whose name begins with the prefix."""
     link_of_body = {int(model.jnt_bodyid[joint]): link for link, joint in enumerate(joint_ids, start=1)}
     for geom in range(model.ngeom):

@@ -2,12 +2,13 @@
 
 import jax.numpy as jnp
 from jax import Array
+from jax.typing import ArrayLike
 from jaxtyping import Float
 
 from basenet_jax.robot.model import Robot
 
 
-def trapezoid_duration(distance: Array, speed: Array | float, acceleration: Array | float) -> Array:
+def trapezoid_duration(distance: Array, speed: ArrayLike, acceleration: ArrayLike) -> Array:
     """Duration (s) of a move from rest to rest: accelerate, cruise, decelerate (a triangle when too short to cruise).
 
     `|d|/v + v/a` where `|d| >= v^2/a`, else `2 sqrt(|d|/a)`; both give `2 v/a` at the switch. Its slope at 0 is

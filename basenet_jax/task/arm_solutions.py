@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.typing import ArrayLike
 from jaxtyping import Float, Int
 
 from basenet_jax.config import PickConfig
@@ -27,14 +28,14 @@ class Picks(NamedTuple):
     """A batch of picks: base poses as (x, y, heading) in W, and tool0 at the grasp as (x, y, z, yaw) in W."""
 
     base_pose: Vector
-    grasp: tuple[Array, Array, Array, Array]
+    grasp: tuple[Array, ...]
 
 
 class Solutions(NamedTuple):
     """K solutions of each of B picks."""
 
     estimate: Float[Array, "K B"]  # s, of the whole cycle before refinement; infinite where there is no solution
-    pregrasp: Joints | None  # (K, B) each, for robots without a closed form
+    pregrasp: Joints  # (K, B) each; empty for robots with a closed form
 
 
 def solve(robot: Robot, picks: Picks, config: PickConfig) -> Solutions:
@@ -67,7 +68,7 @@ def turns(config: PickConfig) -> int:
     return 2 if config.gripper_symmetric else 1
 
 
-def tool_target(robot: Robot, picks: Picks, height: Array | float, turn: Array | float) -> Frame:
+def tool_target(robot: Robot, picks: Picks, height: ArrayLike, turn: ArrayLike) -> Frame:
     """The tool frame in the arm's base frame, `height` (m) above the grasp, the gripper turned by `turn` (rad).
 
     T_a_t = T_b_a^-1 T_W_b^-1 T_W_t, with R_W_t = Rz(yaw) Rx(pi).
@@ -110,7 +111,7 @@ def _solve_closed_form(robot: Robot, picks: Picks, config: PickConfig) -> Soluti
     for end in ends:
         valid = valid & (end.shortfall <= config.position_tolerance_m)
     estimate = jnp.where(valid, cycle_duration(robot, pregrasp, grasp, config), jnp.inf)
-    return Solutions(estimate.reshape(ur.BRANCHES * turns(config), *batch), None)
+    return Solutions(estimate.reshape(ur.BRANCHES * turns(config), *batch), ())
 
 
 def _solve_lattice(robot: Robot, picks: Picks, config: PickConfig) -> Solutions:
@@ -160,7 +161,7 @@ def _descend(robot: Robot, target: Frame, pregrasp: Joints, config: PickConfig) 
 
 
 def _follow(robot: Robot, joints: Joints) -> Joints:
-    """The equivalents of closed-form waypoints: the pre-grasp's nearest to home, the others' nearest to the one above."""
+    """The equivalents nearest to home for the pre-grasp, to the waypoint above for the others."""
     (first, _) = _nearest_equivalents(robot, tuple(q[0] for q in joints), tuple(robot.home))
     rows = [first]
     for row in range(1, len(joints[0])):
@@ -169,7 +170,7 @@ def _follow(robot: Robot, joints: Joints) -> Joints:
 
 
 def _nearest_equivalents(robot: Robot, joints: Joints, reference: Joints) -> tuple[Joints, Array]:
-    """Per joint the 2 pi-equivalent inside the limits that is nearest to a reference, and whether all joints have one."""
+    """Per joint the 2 pi-equivalent inside the limits nearest to a reference, and whether all joints have one."""
     nearest, inside = [], jnp.ones((), bool)
     for index, (joint, near) in enumerate(zip(joints, reference, strict=True)):
         lower, upper = robot.joint_lower[index], robot.joint_upper[index]

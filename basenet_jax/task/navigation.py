@@ -53,6 +53,9 @@ def navigation_time(
     return jnp.where(same, 0.0, time)
 
 
+_Point = Sequence[Array | np.ndarray]  # x, y
+
+
 class _Leg(NamedTuple):
     """A straight drive between two points."""
 
@@ -122,7 +125,13 @@ def _duration(ways: _Ways, gear: float, legs: list[_Leg]) -> Array:
     return jnp.where(allowed, time, jnp.inf)
 
 
-def _leg(robot: Robot, start: Sequence[Array], end: Sequence[Array], table: Table, config: NavigationConfig) -> _Leg:
+def _leg(
+    robot: Robot,
+    start: Sequence[Array | np.ndarray],
+    end: Sequence[Array | np.ndarray],
+    table: Table,
+    config: NavigationConfig,
+) -> _Leg:
     along = (end[0] - start[0], end[1] - start[1])
     length = jnp.sqrt(along[0] * along[0] + along[1] * along[1])
     return _Leg(
@@ -133,7 +142,7 @@ def _leg(robot: Robot, start: Sequence[Array], end: Sequence[Array], table: Tabl
     )
 
 
-def _stays_out(start: Sequence[Array], end: Sequence[Array], half: Array) -> Array:
+def _stays_out(start: _Point, end: _Point, half: Array) -> Array:
     """Whether a segment stays out of an open rectangle about the origin: one of three axes separates them."""
     middle = [0.5 * (a + b) for a, b in zip(start, end, strict=True)]
     extent = [0.5 * (b - a) for a, b in zip(start, end, strict=True)]

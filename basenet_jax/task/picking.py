@@ -113,9 +113,7 @@ def _attempt(robot, picks, solutions, table, config: PickConfig, arm_check: ArmC
     count = search.decided.shape[0]
     chunk = min(count, config.chunk)
     (index,) = jnp.nonzero(~search.decided, size=chunk, fill_value=count)  # count: no pick, dropped when written
-    part, own_solutions, own = jax.tree.map(
-        lambda x: x.at[..., index].get(mode="clip"), (picks, solutions, search)
-    )
+    part, own_solutions, own = jax.tree.map(lambda x: x.at[..., index].get(mode="clip"), (picks, solutions, search))
     choice = jnp.argmin(own.estimate, axis=0)
     rule, time, joints = _check(robot, part, own_solutions, choice, table, config, arm_check)
     feasible = rule == Reason.NONE

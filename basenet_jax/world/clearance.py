@@ -64,7 +64,7 @@ def capsules_touch(robot: Robot, base_pose: Vector, joints: tuple[Array, ...], t
             )
             for p in (start, end)
         ]
-        to_table = segment_box_distance(*world, table_half)
+        to_table = segment_box_distance(world[0], world[1], table_half)
         to_body = segment_box_distance(subtract(start, body_center), subtract(end, body_center), body_half)
         return (frame, touches | (jnp.minimum(to_table, to_body) <= stage.radius)), None
 
