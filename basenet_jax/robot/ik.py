@@ -11,14 +11,13 @@ from basenet_jax.robot.kinematics import (
     Frame,
     Vector,
     add,
+    chain,
     components,
     cross,
     dot,
-    jacobian_columns,
-    link_frames,
+    jacobian_rows,
     scale,
     subtract,
-    tool_frame,
 )
 from basenet_jax.robot.model import Robot
 from basenet_jax.trigonometry import atan2
@@ -63,44 +62,45 @@ def solve_ik(
         The last iterate, its errors, and whether they are within the tolerances.
     """
     columns = (tuple(rotation[..., row, column] for row in range(3)) for column in range(3))
-    target = Frame(*columns, origin=tuple(position[..., row] for row in range(3)))
-    joints = damped_least_squares(robot, target, components(seed), iterations)
+    target = Frame(*columns, origin=components(position))
+    joints = damped_least_squares(robot, target, jnp.moveaxis(seed, -1, 0), iterations)
     position_error, orientation_error = residual(robot, target, joints)
     converged = (position_error <= position_tolerance) & (orientation_error <= orientation_tolerance)
-    return IKSolution(jnp.stack(joints, axis=-1), position_error, orientation_error, converged)
+    return IKSolution(jnp.moveaxis(joints, 0, -1), position_error, orientation_error, converged)
 
 
 def damped_least_squares(
-    robot: Robot, target: Frame, joints: tuple[Array, ...], iterations: int, max_step: float = MAX_STEP
-) -> tuple[Array, ...]:
-    """A fixed number of steps `q <- clip(q + J^T (J J^T + W I)^-1 e)`, on struct-of-arrays joints.
+    robot: Robot,
+    target: Frame,
+    joints: Float[Array, "dof *batch"],
+    iterations: int,
+    *,
+    damping: float = DAMPING,
+    max_step: float = MAX_STEP,
+) -> Float[Array, "dof *batch"]:
+    """A fixed number of steps `q <- clip(q + J^T (J J^T + W I)^-1 e)`, joints in the leading axis.
 
-    The step is scaled down so that no joint moves more than `max_step` (rad or m), then clipped to the limits.
+    A step is scaled down so that no joint moves more than `max_step` (rad or m), then clipped to the limits.
     """
+    per_joint = (-1, *(1,) * (joints.ndim - 1))
+    lower, upper = (jnp.reshape(limit, per_joint) for limit in (robot.joint_lower, robot.joint_upper))
 
-    def step(_: int, joints: tuple[Array, ...]) -> tuple[Array, ...]:
-        frames = link_frames(robot, joints)
-        tool = tool_frame(robot, frames)
-        error = _pose_error(target, tool)
-        columns = [(*linear, *angular) for linear, angular in jacobian_columns(robot, frames, tool.origin)]
-        weight = 0.5 * (dot(error[:3], error[:3]) + dot(error[3:], error[3:])) + DAMPING
-        multipliers = _solve_spd(_gram(columns, weight), error)
-        change = [sum(j * y for j, y in zip(column, multipliers, strict=True)) for column in columns]
-        largest = jnp.abs(change[0])
-        for component in change[1:]:
-            largest = jnp.maximum(largest, jnp.abs(component))
-        shrink = max_step / jnp.maximum(largest, max_step)
-        return tuple(
-            jnp.clip(q + shrink * dq, robot.joint_lower[i], robot.joint_upper[i])
-            for i, (q, dq) in enumerate(zip(joints, change, strict=True))
-        )
+    def step(_: int, joints: Array) -> Array:
+        arm = chain(robot, joints)
+        error = _pose_error(target, arm.tool)
+        rows = jacobian_rows(robot, arm)
+        weight = 0.5 * (dot(error[:3], error[:3]) + dot(error[3:], error[3:])) + damping
+        multipliers = _solve_spd(_gram(rows, weight), error)
+        change = sum((row * y for row, y in zip(rows, multipliers, strict=True)), jnp.zeros(()))
+        shrink = max_step / jnp.maximum(jnp.max(jnp.abs(change), axis=0), max_step)
+        return jnp.clip(joints + shrink * change, lower, upper)
 
     return jax.lax.fori_loop(0, iterations, step, joints)
 
 
-def residual(robot: Robot, target: Frame, joints: tuple[Array, ...]) -> tuple[Array, Array]:
+def residual(robot: Robot, target: Frame, joints: Float[Array, "dof *batch"]) -> tuple[Array, Array]:
     """Position (m) and orientation (rad) error of the tool frame at these joints."""
-    error = _pose_error(target, tool_frame(robot, link_frames(robot, joints)))
+    error = _pose_error(target, chain(robot, joints).tool)
     return jnp.sqrt(dot(error[:3], error[:3])), jnp.sqrt(dot(error[3:], error[3:]))
 
 
@@ -119,13 +119,12 @@ def _halve(vector: Vector) -> Vector:
     return (0.5 * vector[0], 0.5 * vector[1], 0.5 * vector[2])
 
 
-def _gram(columns: list[tuple[Array, ...]], weight: Array) -> list[list[Array]]:
+def _gram(rows: tuple[Array, ...], weight: Array) -> list[list[Array]]:
     """The lower triangle of J J^T + weight I."""
-    size = len(columns[0])
-    rows = [[sum((c[i] * c[j] for c in columns), jnp.zeros(())) for j in range(i + 1)] for i in range(size)]
-    for i in range(size):
-        rows[i][i] = rows[i][i] + weight
-    return rows
+    products = [[jnp.sum(rows[i] * rows[j], axis=0) for j in range(i + 1)] for i in range(len(rows))]
+    for i, row in enumerate(products):
+        row[i] = row[i] + weight
+    return products
 
 
 def _solve_spd(lower: list[list[Array]], right: tuple[Array, ...]) -> list[Array]:

@@ -96,7 +96,8 @@ class Robot:
     joint_names: tuple[str, ...] = struct.field(pytree_node=False)
     prismatic: tuple[bool, ...] = struct.field(pytree_node=False)
     capsule_link: tuple[int, ...] = struct.field(pytree_node=False)  # 0: the arm's base, i: after joint i
-    capsule_names: tuple[str, ...] = struct.field(pytree_node=False)
+    capsule_geoms: tuple[str, ...] = struct.field(pytree_node=False)  # their names in the MJCF
+    body_geom: str = struct.field(pytree_node=False)  # the body box's
     closed_form: str | None = struct.field(pytree_node=False)
 
     @property
@@ -196,7 +197,8 @@ def _build(file: RobotFile, model: mujoco.MjModel, model_path: str) -> Robot:
         joint_names=tuple(file.joints),
         prismatic=sliding,
         capsule_link=tuple(link for link, *_ in capsules),
-        capsule_names=tuple(name for _, name, *_ in capsules),
+        capsule_geoms=tuple(name for _, name, *_ in capsules),
+        body_geom=file.base.body,
         closed_form=file.closed_form,
     )
 
@@ -243,4 +245,4 @@ def _capsules(model, data, prefix: str, joint_ids: list[int], frames: list[Trans
         radius, half_length = model.geom_size[geom][:2]
         along = data.geom_xmat[geom].reshape(3, 3)[:, 2] * half_length
         ends = (rotation.T @ (data.geom_xpos[geom] + sign * along - origin) for sign in (-1.0, 1.0))
-        yield link, name[len(prefix) :], *ends, float(radius)
+        yield link, name, *ends, float(radius)

@@ -35,7 +35,7 @@ class Solutions(NamedTuple):
     """K solutions of each of B picks."""
 
     estimate: Float[Array, "K B"]  # s, of the whole cycle before refinement; infinite where there is no solution
-    pregrasp: Joints  # (K, B) each; empty for robots with a closed form
+    pregrasp: Float[Array, "dof K B"] | None  # None for robots with a closed form
 
 
 def solve(robot: Robot, picks: Picks, config: PickConfig) -> Solutions:
@@ -47,14 +47,14 @@ def solve(robot: Robot, picks: Picks, config: PickConfig) -> Solutions:
 
 def waypoints(
     robot: Robot, picks: Picks, solutions: Solutions, choice: Int[Array, " B"], config: PickConfig
-) -> tuple[Frame, Joints]:
-    """Targets and first joints, (waypoints, B) each, of one solution of each pick, for the solver to refine."""
+) -> tuple[Frame, Float[Array, "dof waypoints B"]]:
+    """Targets and first joints of the waypoints of one solution of each pick, for the solver to refine."""
     target = tool_target(robot, picks, heights(config)[:, None], (choice % turns(config)) * jnp.pi)
-    if robot.closed_form == "ur":
+    if solutions.pregrasp is None:
         joints = ur.closed_form(robot, target, ur.branch_signs(choice // turns(config))).joints
         shape = (len(heights(config)), len(choice))
         return target, _follow(robot, tuple(jnp.broadcast_to(q, shape) for q in joints))
-    start = tuple(jnp.take_along_axis(q, choice[None], axis=0)[0] for q in solutions.pregrasp)
+    start = jnp.take_along_axis(solutions.pregrasp, choice[None, None], axis=1)[:, 0]
     return target, _descend(robot, target, start, config)
 
 
@@ -98,43 +98,48 @@ def cycle_duration(robot: Robot, pregrasp: Joints, grasp: Joints, config: PickCo
 
 
 def _solve_closed_form(robot: Robot, picks: Picks, config: PickConfig) -> Solutions:
-    batch = picks.grasp[0].shape
-    branch = ur.all_branches(1 + len(batch))  # axes: shoulder, wrist, elbow, turn, pick
+    """A loop over the branches: as one expression over all of them XLA computes it once for every use of the result."""
+    (batch,) = picks.grasp[0].shape
     turn = jnp.arange(turns(config))[:, None] * jnp.pi
-    ends = [
-        ur.closed_form(robot, tool_target(robot, picks, height, turn), branch)
-        for height in (config.pregrasp_height_m, 0.0)
-    ]
-    pregrasp, inside = _nearest_equivalents(robot, ends[0].joints, tuple(robot.home))
-    grasp, grasp_inside = _nearest_equivalents(robot, ends[1].joints, pregrasp)
-    valid = inside & grasp_inside
-    for end in ends:
-        valid = valid & (end.shortfall <= config.position_tolerance_m)
-    estimate = jnp.where(valid, cycle_duration(robot, pregrasp, grasp, config), jnp.inf)
-    return Solutions(estimate.reshape(ur.BRANCHES * turns(config), *batch), ())
+    above = tool_target(robot, picks, config.pregrasp_height_m, turn)
+    below = tool_target(robot, picks, 0.0, turn)
+    shape = (turns(config), batch)
+
+    def estimate(branch: Array) -> Array:
+        sign = ur.branch_signs(branch)
+        ends = [ur.closed_form(robot, target, sign) for target in (above, below)]
+        pregrasp, inside = _nearest_equivalents(robot, ends[0].joints, tuple(robot.home))
+        grasp, grasp_inside = _nearest_equivalents(robot, ends[1].joints, pregrasp)
+        reached = (ends[0].shortfall <= config.position_tolerance_m) & (
+            ends[1].shortfall <= config.position_tolerance_m
+        )
+        duration = cycle_duration(robot, pregrasp, grasp, config)
+        return jnp.broadcast_to(jnp.where(inside & grasp_inside & reached, duration, jnp.inf), shape)
+
+    return Solutions(jax.lax.map(estimate, jnp.arange(ur.BRANCHES)).reshape(-1, batch), None)
 
 
 def _solve_lattice(robot: Robot, picks: Picks, config: PickConfig) -> Solutions:
-    seeds = lattice(robot, config.lattice_seeds)
     (batch,) = picks.grasp[0].shape
-    shape = (len(seeds), turns(config), batch)
+    shape = (config.lattice_seeds, turns(config), batch)
+    seeds = jnp.asarray(lattice(robot, config.lattice_seeds).T, picks.grasp[0].dtype)
+    start = jnp.broadcast_to(seeds[:, :, None, None], (robot.dof, *shape))
     turn = jnp.arange(turns(config))[:, None] * jnp.pi
-    start = tuple(jnp.broadcast_to(seeds[:, i, None, None], shape) for i in range(robot.dof))
-    targets = [
+    above, below = (
         jax.tree.map(lambda x: jnp.broadcast_to(x, shape), tool_target(robot, picks, height, turn))
         for height in (config.pregrasp_height_m, 0.0)
-    ]
-    pregrasp = damped_least_squares(robot, targets[0], start, config.lattice_iterations)
-    pregrasp, inside = _nearest_equivalents(robot, pregrasp, tuple(robot.home))
-    grasp = damped_least_squares(robot, targets[1], pregrasp, config.lattice_iterations // 4)
-    grasp, grasp_inside = _nearest_equivalents(robot, grasp, pregrasp)
-    valid = inside & grasp_inside & _reached(robot, targets[0], pregrasp, config)
-    valid = valid & _reached(robot, targets[1], grasp, config)
-    estimate = jnp.where(valid, cycle_duration(robot, pregrasp, grasp, config), jnp.inf)
-    return Solutions(estimate.reshape(-1, batch), tuple(q.reshape(-1, batch) for q in pregrasp))
+    )
+    pregrasp = damped_least_squares(robot, above, start, config.lattice_iterations)
+    pregrasp, inside = _nearest_equivalents(robot, tuple(pregrasp), tuple(robot.home))
+    grasp = damped_least_squares(robot, below, jnp.stack(pregrasp), config.lattice_iterations // 4)
+    grasp, grasp_inside = _nearest_equivalents(robot, tuple(grasp), pregrasp)
+    reached = _reached(robot, above, pregrasp, config) & _reached(robot, below, grasp, config)
+    duration = cycle_duration(robot, pregrasp, grasp, config)
+    estimate = jnp.where(inside & grasp_inside & reached, duration, jnp.inf)
+    return Solutions(estimate.reshape(-1, batch), jnp.stack(pregrasp).reshape(robot.dof, -1, batch))
 
 
-def lattice(robot: Robot, count: int) -> Float[np.ndarray, "count dof"]:
+def lattice(robot: Robot, count: int) -> Float[Array, "count dof"]:
     """Joint vectors spread evenly over the limits (one turn of them at most): home first, then Roberts' R sequence.
 
     M. Roberts, *The unreasonable effectiveness of quasirandom sequences*, 2018: multiples of the powers of the
@@ -144,29 +149,33 @@ def lattice(robot: Robot, count: int) -> Float[np.ndarray, "count dof"]:
     for _ in range(64):
         root = (1.0 + root) ** (1.0 / (robot.dof + 1))
     unit = (0.5 + np.outer(np.arange(1, count), root ** -np.arange(1.0, robot.dof + 1))) % 1.0
-    lower, upper = np.asarray(robot.joint_lower), np.asarray(robot.joint_upper)
     revolute = ~np.array(robot.prismatic)
-    lower = np.where(revolute, np.maximum(lower, -np.pi), lower)
-    upper = np.where(revolute, np.minimum(upper, np.pi), upper)
-    return np.concatenate([np.asarray(robot.home)[None], lower + unit * (upper - lower)])
+    lower = jnp.where(revolute, jnp.maximum(robot.joint_lower, -jnp.pi), robot.joint_lower)
+    upper = jnp.where(revolute, jnp.minimum(robot.joint_upper, jnp.pi), robot.joint_upper)
+    return jnp.concatenate([jnp.asarray(robot.home)[None], lower + unit * (upper - lower)])
 
 
-def _descend(robot: Robot, target: Frame, pregrasp: Joints, config: PickConfig) -> Joints:
+def _descend(
+    robot: Robot, target: Frame, pregrasp: Float[Array, "dof B"], config: PickConfig
+) -> Float[Array, "dof waypoints B"]:
     """Waypoints from the pre-grasp down, each solved from the one above."""
     rows = [pregrasp]
     for row in range(1, len(heights(config))):
-        below = jax.tree.map(lambda x, row=row: x[row] if x.ndim > 1 and x.shape[0] > 1 else x, target)
+        below = jax.tree.map(lambda x, row=row: x[row] if x.ndim == 2 and len(x) > 1 else x, target)
         rows.append(damped_least_squares(robot, below, rows[-1], config.lattice_iterations // 8))
-    return tuple(jnp.stack(column) for column in zip(*rows, strict=True))
+    return jnp.stack(rows, axis=1)
 
 
-def _follow(robot: Robot, joints: Joints) -> Joints:
+def _follow(robot: Robot, joints: Joints) -> Float[Array, "dof waypoints B"]:
     """The equivalents nearest to home for the pre-grasp, to the waypoint above for the others."""
-    (first, _) = _nearest_equivalents(robot, tuple(q[0] for q in joints), tuple(robot.home))
-    rows = [first]
-    for row in range(1, len(joints[0])):
-        rows.append(_nearest_equivalents(robot, tuple(q[row] for q in joints), rows[-1])[0])
-    return tuple(jnp.stack(column) for column in zip(*rows, strict=True))
+
+    def step(above: Joints, row: Joints) -> tuple[Joints, Joints]:
+        nearest, _ = _nearest_equivalents(robot, row, above)
+        return nearest, nearest
+
+    home = tuple(jnp.broadcast_to(q, joints[0].shape[1:]).astype(joints[0].dtype) for q in jnp.asarray(robot.home))
+    _, rows = jax.lax.scan(step, home, joints)
+    return jnp.stack(rows)
 
 
 def _nearest_equivalents(robot: Robot, joints: Joints, reference: Joints) -> tuple[Joints, Array]:
@@ -184,5 +193,5 @@ def _nearest_equivalents(robot: Robot, joints: Joints, reference: Joints) -> tup
 
 
 def _reached(robot: Robot, target: Frame, joints: Joints, config: PickConfig) -> Array:
-    position_error, orientation_error = residual(robot, target, joints)
+    position_error, orientation_error = residual(robot, target, jnp.stack(joints))
     return (position_error <= config.position_tolerance_m) & (orientation_error <= config.orientation_tolerance_rad)

@@ -133,7 +133,8 @@ def _leg(
     config: NavigationConfig,
 ) -> _Leg:
     along = (end[0] - start[0], end[1] - start[1])
-    length = jnp.sqrt(along[0] * along[0] + along[1] * along[1])
+    square = along[0] * along[0] + along[1] * along[1]
+    length = jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)  # keeps gradients finite at 0
     return _Leg(
         direction=atan2(along[1], along[0]),
         duration=trapezoid_duration(length, robot.base_speed[0], robot.base_acceleration[0]),

@@ -25,7 +25,7 @@ from basenet_jax.world.clearance import base_collides, capsules_touch
 from basenet_jax.world.scene import Table
 
 # (robot, base pose as x, y, heading, joints, table) -> whether the arm touches anything; the default is the kernels'.
-ArmCheck = Callable[[Robot, Vector, tuple[Array, ...], Table], Array]
+ArmCheck = Callable[[Robot, Vector, Array, Table], Array]
 
 
 class Reason(enum.IntEnum):
@@ -66,13 +66,17 @@ def pick(
         robot: the robot.
         base_pose: of the base, (x, y, heading) in W.
         grasp: of tool0, (x, y, z, yaw) in W; see `Scene.grasps`.
-        table: one table for the whole batch.
+        table: one for the whole batch, or one per pick.
         config: heights, tolerances and durations of the cycle.
         arm_check: tests joint states for collision.
     """
     batch = jnp.broadcast_shapes(base_pose.shape[:-1], grasp.shape[:-1])
     base_pose = jnp.broadcast_to(base_pose, (*batch, 3)).reshape(-1, 3)
     grasp = jnp.broadcast_to(grasp, (*batch, 4)).reshape(-1, 4)
+    if table.height.ndim:
+        table = Table(
+            jnp.broadcast_to(table.half_size, (*batch, 2)).reshape(-1, 2), jnp.broadcast_to(table.height, batch).ravel()
+        )
     collides = base_collides(robot, base_pose, table, config.base_clearance_m, config.touching_m)
     picks = arm_solutions.Picks(components(base_pose), components(grasp))
     solutions = arm_solutions.solve(robot, picks, config)
@@ -114,6 +118,8 @@ def _attempt(robot, picks, solutions, table, config: PickConfig, arm_check: ArmC
     chunk = min(count, config.chunk)
     (index,) = jnp.nonzero(~search.decided, size=chunk, fill_value=count)  # count: no pick, dropped when written
     part, own_solutions, own = jax.tree.map(lambda x: x.at[..., index].get(mode="clip"), (picks, solutions, search))
+    if table.height.ndim:
+        table = jax.tree.map(lambda x: x.at[index].get(mode="clip"), table)
     choice = jnp.argmin(own.estimate, axis=0)
     rule, time, joints = _check(robot, part, own_solutions, choice, table, config, arm_check)
     feasible = rule == Reason.NONE
@@ -123,7 +129,7 @@ def _attempt(robot, picks, solutions, table, config: PickConfig, arm_check: ArmC
         rule=jnp.where(feasible, rule, jnp.maximum(rule, own.rule)),
         decided=feasible | ~jnp.any(jnp.isfinite(estimate), axis=0),
         time=jnp.where(feasible, time, 0.0),
-        joints=jnp.where(feasible, jnp.stack(joints), own.joints),
+        joints=jnp.where(feasible, joints, own.joints),
     )
     return jax.tree.map(lambda all, new: all.at[..., index].set(new, mode="drop"), search, found)
 
@@ -134,15 +140,14 @@ def _check(robot, picks, solutions, choice, table, config: PickConfig, arm_check
     joints = damped_least_squares(robot, target, joints, config.refinements)
     position_error, orientation_error = residual(robot, target, joints)
     reached = (position_error <= config.position_tolerance_m) & (orientation_error <= config.orientation_tolerance_rad)
-    smooth = jnp.ones_like(reached[0])
-    for joint in joints:
-        smooth = smooth & jnp.all(jnp.abs(joint[1:] - joint[:-1]) <= config.max_descent_step_rad, axis=0)
+    steps = jnp.abs(joints[:, 1:] - joints[:, :-1])
+    smooth = jnp.max(steps, axis=(0, 1)) <= config.max_descent_step_rad
     touches = jnp.any(arm_check(robot, picks.base_pose, _checked_states(robot, joints, config), table), axis=0)
     rule = jnp.where(touches, Reason.ARM_COLLIDES, Reason.NONE)
     rule = jnp.where(smooth & jnp.all(reached, axis=0), rule, Reason.NO_STRAIGHT_DESCENT)
     rule = jnp.where(reached[0] & reached[-1], rule, Reason.OUT_OF_REACH)
-    pregrasp, grasp = tuple(q[0] for q in joints), tuple(q[-1] for q in joints)
-    return rule, arm_solutions.cycle_duration(robot, pregrasp, grasp, config), joints
+    duration = arm_solutions.cycle_duration(robot, tuple(joints[:, 0]), tuple(joints[:, -1]), config)
+    return rule, duration, joints
 
 
 def checked_fractions(config: PickConfig) -> np.ndarray:
@@ -150,19 +155,18 @@ def checked_fractions(config: PickConfig) -> np.ndarray:
     return np.arange(1, config.swept_points + 1) / (config.swept_points + 1)
 
 
-def _checked_states(robot: Robot, joints: tuple[Array, ...], config: PickConfig) -> tuple[Array, ...]:
-    """The joint states (states, B) of rule 4: all waypoints, then points inside the moves to pre-grasp and to stow.
+def _checked_states(
+    robot: Robot, joints: Float[Array, "dof waypoints B"], config: PickConfig
+) -> Float[Array, "dof states B"]:
+    """The joint states of rule 4: all waypoints, then points inside the moves to pre-grasp and to stow.
 
     Each state is a weighted sum of home, stow and the waypoints, so one small matrix product makes them all.
     """
-    waypoints, fractions = len(joints[0]), checked_fractions(config)[:, None]
+    waypoints, fractions = joints.shape[1], checked_fractions(config)[:, None]
     from_pregrasp = np.eye(waypoints)[:1]
     weights = np.concatenate([np.eye(waypoints), fractions * from_pregrasp, (1 - fractions) * from_pregrasp])
     zero, rest = np.zeros((waypoints, 1)), np.zeros_like(fractions)
     home, stow = np.concatenate([zero, 1 - fractions, rest]), np.concatenate([zero, rest, fractions])
-    dtype = joints[0].dtype
-    return tuple(
-        jnp.einsum("sw,w...->s...", weights.astype(dtype), joint, precision=jax.lax.Precision.HIGHEST)
-        + (home * robot.home[index] + stow * robot.stow[index]).astype(dtype)
-        for index, joint in enumerate(joints)
-    )
+    fixed = jnp.asarray(home * jnp.asarray(robot.home) + stow * jnp.asarray(robot.stow), joints.dtype)
+    moving = jnp.einsum("sw,jwb->jsb", weights.astype(joints.dtype), joints, precision=jax.lax.Precision.HIGHEST)
+    return moving + fixed.T[:, :, None]

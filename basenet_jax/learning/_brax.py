@@ -1,0 +1,26 @@
+"""What the learners use of Brax, imported without its chatter.
+
+Importing Brax imports MJX, which reports on stdout that the optional package warp is missing.
+"""
+
+import contextlib
+import io
+
+with contextlib.redirect_stdout(io.StringIO()):
+    from brax.envs.base import Env, State
+    from brax.training import gradients, replay_buffers
+    from brax.training.acme import running_statistics, specs
+    from brax.training.agents.sac import losses, networks
+    from brax.training.types import Transition
+
+__all__ = [
+    "Env",
+    "State",
+    "Transition",
+    "gradients",
+    "losses",
+    "networks",
+    "replay_buffers",
+    "running_statistics",
+    "specs",
+]

@@ -1,0 +1,143 @@
+"""Learning to park: one grasp, one base pose, one reward."""
+
+import jax.numpy as jnp
+from flax import struct
+from jax import Array
+from jaxtyping import Bool, Float
+
+from basenet_jax.config import BasePoseRewardConfig, WorldConfig
+from basenet_jax.learning._brax import Env, State
+from basenet_jax.policies.base_pose import ACTION_SIZE, OBSERVATION_SIZE, BaseFrame, base_pose_from_action, observe
+from basenet_jax.robot.model import Robot
+from basenet_jax.task.navigation import navigation_time
+from basenet_jax.task.picking import ArmCheck, Reason, pick
+from basenet_jax.world.clearance import capsules_touch
+from basenet_jax.world.generate import draw_problem
+from basenet_jax.world.scene import Table
+
+
+@struct.dataclass
+class Trial:
+    """What parking at a base pose for a grasp comes to."""
+
+    reward: Float[Array, "*batch"]
+    success: Bool[Array, "*batch"]  # the object is picked
+    collision: Bool[Array, "*batch"]  # of the base with the table
+    navigation_time: Float[Array, "*batch"]  # s; 0 on collision
+    pick_time: Float[Array, "*batch"]  # s; 0 without success
+
+
+def try_base_pose(
+    robot: Robot,
+    table: Table,
+    grasp: Float[Array, "*batch 4"],
+    robot_pose: Float[Array, "*batch 3"],
+    base_pose: Float[Array, "*batch 3"],
+    reward: BasePoseRewardConfig,
+    world: WorldConfig,
+    arm_check: ArmCheck = capsules_touch,
+) -> Trial:
+    """The paper's reward: g1 on collision; on success g2 + g3 / (1 + t_nav) + g4 / (1 + t_grasp); else 0.
+
+    An unreachable base pose counts as a collision.
+    """
+    picks = pick(robot, base_pose, grasp, table, world.pick, arm_check)
+    drive = navigation_time(robot, robot_pose, base_pose, table, world.navigation)
+    collision = (picks.reason == Reason.BASE_COLLIDES) | ~jnp.isfinite(drive)
+    success = picks.feasible & ~collision
+    drive = jnp.where(collision, 0.0, drive)
+    gain = reward.success + reward.navigation / (1.0 + drive) + reward.grasping / (1.0 + picks.time)
+    value = jnp.where(success, gain, 0.0) + jnp.where(collision, reward.collision, 0.0)
+    return Trial(value, success, collision, drive, jnp.where(success, picks.time, 0.0))
+
+
+class BasePoseEnv(Env):
+    """A Brax environment of one-step episodes, with a fresh scene at each reset.
+
+    Observations are `policies.base_pose.observe`'s, actions `base_pose_from_action`'s. An episode ends with its only
+    step (`done` is 1), so critics never bootstrap. Brax's auto-reset wrapper would repeat an environment's first
+    scene for ever; reset anew with fresh keys instead.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        *,
+        frame: BaseFrame = "object",
+        own_class_share: float = 0.0,
+        reward: BasePoseRewardConfig = BasePoseRewardConfig(),
+        world: WorldConfig = WorldConfig(),
+        backend: str = "kernels",
+    ):
+        """Makes the environment.
+
+        Args:
+            robot: the robot.
+            frame: in which base poses are predicted.
+            own_class_share: share of objects with random size and grasp.
+            reward: the reward's weights.
+            world: table, navigation, pick cycle.
+            backend: of the arm's contact checks: "kernels", or "mjx" (slow on CPUs).
+
+        Raises:
+            ValueError: unknown backend.
+        """
+        self.robot, self.own_class_share = robot, own_class_share
+        self.frame: BaseFrame = frame
+        self.reward, self.world = reward, world
+        self.table = Table.from_config(world.table)
+        self._backend, self.arm_check = backend, _arm_check(backend, robot, world)
+
+    def reset(self, rng: Array) -> State:
+        """A fresh problem: a grasp and where the robot is."""
+        grasp, robot_pose = draw_problem(
+            rng, self.robot, self.table, own_class_share=self.own_class_share, config=self.world.scene
+        )
+        zero = jnp.zeros(())
+        metrics = dict.fromkeys(("success", "collision", "navigation_time", "pick_time"), zero)
+        info = {"grasp": grasp, "robot_pose": robot_pose, "truncation": zero}
+        return State(None, observe(grasp, robot_pose), zero, zero, metrics, info)
+
+    def step(self, state: State, action: Array) -> State:
+        """Parks the base and tries the pick; the only step of the episode. Takes batches too, without vmap."""
+        trial = self.park(state, base_pose_from_action(action, state.info["grasp"], self.frame))
+        measured = {
+            "success": trial.success,
+            "collision": trial.collision,
+            "navigation_time": trial.navigation_time,
+            "pick_time": trial.pick_time,
+        }
+        metrics = {**state.metrics, **{name: value.astype(trial.reward.dtype) for name, value in measured.items()}}
+        return dataclasses.replace(state, reward=trial.reward, done=jnp.ones_like(trial.reward), metrics=metrics)
+
+    def park(self, state: State, base_pose: Float[Array, "*batch 3"]) -> Trial:
+        """What parking at a base pose comes to in an episode."""
+        grasp, robot_pose = state.info["grasp"], state.info["robot_pose"]
+        return try_base_pose(
+            self.robot, self.table, grasp, robot_pose, base_pose, self.reward, self.world, self.arm_check
+        )
+
+    @property
+    def observation_size(self) -> int:
+        """Length of an observation."""
+        return OBSERVATION_SIZE
+
+    @property
+    def action_size(self) -> int:
+        """Length of an action."""
+        return ACTION_SIZE
+
+    @property
+    def backend(self) -> str:
+        """What checks contacts."""
+        return self._backend
+
+
+def _arm_check(backend: str, robot: Robot, world: WorldConfig) -> ArmCheck:
+    if backend == "kernels":
+        return capsules_touch
+    if backend == "mjx":
+        from basenet_jax.world import mjx  # slow to import, and wanted only here
+
+        return mjx.arm_touches
+    raise ValueError(f"backend: found {backend!r}, allowed are 'kernels' and 'mjx'")

@@ -1,0 +1,231 @@
+"""Soft Actor-Critic for the base-pose policy, from Brax's parts.
+
+Brax's own training loop restores only part of its state and fixes the target entropy; here the whole state is one
+pytree, and an interval of episodes, updates and evaluation is one jitted program.
+"""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import optax
+from flax import struct
+from jax import Array
+
+from basenet_jax.config import SacConfig
+from basenet_jax.learning._brax import (
+    State,
+    Transition,
+    gradients,
+    losses,
+    networks,
+    replay_buffers,
+    running_statistics,
+    specs,
+)
+from basenet_jax.learning.base_pose_env import BasePoseEnv
+from basenet_jax.policies.base_pose import BasePosePolicy
+
+Metrics = dict[str, Array]
+
+
+class Memory(NamedTuple):
+    """One episode, as the replay buffer keeps it: nothing follows its only step."""
+
+    observation: Array
+    action: Array
+    reward: Array
+
+
+@struct.dataclass
+class SacState:
+    """Everything that training needs to go on."""
+
+    actor: Any
+    critics: Any
+    target_critics: Any
+    log_alpha: Array
+    actor_optimizer: Any
+    critics_optimizer: Any
+    alpha_optimizer: Any
+    normalizer: running_statistics.RunningStatisticsState
+    replay: replay_buffers.ReplayBufferState
+    key: Array
+    iteration: Array
+
+
+class Sac:
+    """The learner: `init` makes a state, `interval` trains on and evaluates."""
+
+    def __init__(self, env: BasePoseEnv, config: SacConfig):
+        """Builds networks, losses and replay buffer for an environment; evaluation draws the five classes only."""
+        self.env, self.config = env, config
+        self.evaluation_env = BasePoseEnv(env.robot, frame=env.frame, reward=env.reward, world=env.world)
+        normalize: Any = running_statistics.normalize
+        self.networks = networks.make_sac_networks(
+            env.observation_size,
+            env.action_size,
+            preprocess_observations_fn=normalize,
+            hidden_layer_sizes=config.hidden,
+        )
+        _, critic_loss, actor_loss = losses.make_losses(
+            self.networks, config.reward_scale, discounting=1.0, action_size=env.action_size
+        )
+        adam = optax.adam(config.learning_rate)
+        self.optimizer = adam
+        self._update_critics = _gradient_step(critic_loss, adam)
+        self._update_actor = _gradient_step(actor_loss, adam)
+        self._update_alpha = _gradient_step(self._alpha_loss, adam)
+        self.replay = replay_buffers.UniformSamplingQueue(
+            config.replay_size,
+            Memory(jnp.zeros(env.observation_size), jnp.zeros(env.action_size), jnp.zeros(())),
+            config.batch_size,
+        )
+
+    def init(self, key: Array) -> SacState:
+        """The first state: fresh networks and an empty replay buffer.
+
+        Args:
+            key: consumed.
+        """
+        actor_key, critics_key, replay_key, key = jax.random.split(key, 4)
+        actor = self.networks.policy_network.init(actor_key)
+        critics = self.networks.q_network.init(critics_key)
+        log_alpha = jnp.log(jnp.array(self.config.initial_alpha))
+        return SacState(
+            actor=actor,
+            critics=critics,
+            target_critics=jax.tree.map(jnp.copy, critics),
+            log_alpha=log_alpha,
+            actor_optimizer=self.optimizer.init(actor),
+            critics_optimizer=self.optimizer.init(critics),
+            alpha_optimizer=self.optimizer.init(log_alpha),
+            normalizer=running_statistics.init_state(specs.Array((self.env.observation_size,), jnp.dtype("float32"))),
+            replay=self.replay.init(replay_key),
+            key=key,
+            iteration=jnp.zeros((), jnp.int32),
+        )
+
+    def interval(self, state: SacState) -> tuple[SacState, Metrics]:
+        """Some iterations of episodes and updates, then the evaluation of the deterministic policy.
+
+        Args:
+            state: may be donated.
+        """
+        state, training = jax.lax.scan(self._iterate, state, length=self.config.iterations_per_interval)
+        metrics = {name: jnp.mean(values) for name, values in training.items()}
+        return state, metrics | self.evaluate(self.policy(state), jax.random.key(self.config.evaluation_seed))
+
+    def evaluate(self, policy: BasePosePolicy, key: Array) -> Metrics:
+        """Single-pick success, collisions and mean times of a deterministic policy, on problems drawn by `key`."""
+        start = jax.vmap(self.evaluation_env.reset)(jax.random.split(key, self.config.evaluation_problems))
+        trial = self.evaluation_env.park(start, policy(start.info["grasp"], start.info["robot_pose"]))
+        success, collision = jnp.mean(trial.success), jnp.mean(trial.collision)
+        return {
+            "success": success,
+            "collision": collision,
+            "navigation_time": jnp.mean(trial.navigation_time) / jnp.maximum(1.0 - collision, 1e-6),
+            "pick_time": jnp.mean(trial.pick_time) / jnp.maximum(success, 1e-6),
+        }
+
+    def policy(self, state: SacState) -> BasePosePolicy:
+        """The deterministic policy, without anything of training."""
+        layers = [state.actor["params"][f"hidden_{i}"] for i in range(len(state.actor["params"]))]
+        normalizer: Any = state.normalizer
+        return BasePosePolicy(
+            kernels=tuple(layer["kernel"] for layer in layers),
+            biases=tuple(layer["bias"] for layer in layers),
+            mean=normalizer.mean,
+            std=normalizer.std,
+            frame=self.env.frame,
+        )
+
+    def _iterate(self, state: SacState, _: None) -> tuple[SacState, Metrics]:
+        reset_key, action_key, update_key, key = jax.random.split(state.key, 4)
+
+        def act(start: State) -> Array:
+            logits = self.networks.policy_network.apply(state.normalizer, state.actor, start.obs)
+            return self.networks.parametric_action_distribution.sample(logits, action_key)
+
+        memory, measured = _play(self.env, reset_key, act, self.config.episodes_per_iteration)
+        state = dataclasses.replace(
+            state,
+            key=key,
+            iteration=state.iteration + 1,
+            normalizer=running_statistics.update(state.normalizer, memory.observation),
+            replay=self.replay.insert_internal(state.replay, memory),
+        )
+        state, updates = jax.lax.scan(
+            self._update, state, jax.random.split(update_key, self.config.updates_per_iteration)
+        )
+        explored = {"exploration_success": measured["success"], "exploration_collision": measured["collision"]}
+        metrics = {name: jnp.mean(values) for name, values in (updates | explored).items()}
+        return state, metrics | {"reward": jnp.mean(memory.reward)}
+
+    def _update(self, state: SacState, key: Array) -> tuple[SacState, Metrics]:
+        """One gradient step of temperature, critics and actor each, on one batch from the replay buffer."""
+        alpha_key, critics_key, actor_key = jax.random.split(key, 3)
+        replay, memory = self.replay.sample_internal(state.replay)
+        ended = jnp.zeros_like(memory.reward)
+        extras: Any = {"state_extras": {"truncation": ended}}
+        batch = Transition(
+            observation=memory.observation,
+            action=memory.action,
+            reward=memory.reward,
+            discount=ended,  # one-step episodes: nothing follows
+            next_observation=memory.observation,
+            extras=extras,
+        )
+        alpha = jnp.exp(state.log_alpha)
+        alpha_loss, log_alpha, alpha_optimizer = self._update_alpha(
+            state.log_alpha, state.actor, state.normalizer, batch, alpha_key, optimizer_state=state.alpha_optimizer
+        )
+        critic_loss, critics, critics_optimizer = self._update_critics(
+            state.critics,
+            state.actor,
+            state.normalizer,
+            state.target_critics,
+            alpha,
+            batch,
+            critics_key,
+            optimizer_state=state.critics_optimizer,
+        )
+        actor_loss, actor, actor_optimizer = self._update_actor(
+            state.actor, state.normalizer, critics, alpha, batch, actor_key, optimizer_state=state.actor_optimizer
+        )
+        state = dataclasses.replace(
+            state,
+            actor=actor,
+            critics=critics,
+            target_critics=optax.incremental_update(critics, state.target_critics, self.config.target_rate),
+            log_alpha=log_alpha,
+            actor_optimizer=actor_optimizer,
+            critics_optimizer=critics_optimizer,
+            alpha_optimizer=alpha_optimizer,
+            replay=replay,
+        )
+        metrics = {"critic_loss": critic_loss, "actor_loss": actor_loss, "alpha_loss": alpha_loss, "alpha": alpha}
+        return state, metrics
+
+    def _alpha_loss(self, log_alpha: Array, actor: Any, normalizer: Any, batch: Transition, key: Array) -> Array:
+        """Equation 18 of Haarnoja et al. 2018 (arXiv 1812.05905), with the target entropy as a setting."""
+        logits = self.networks.policy_network.apply(normalizer, actor, batch.observation)
+        distribution = self.networks.parametric_action_distribution
+        raw = distribution.sample_no_postprocessing(logits, key)
+        surplus = -distribution.log_prob(logits, raw) - self.config.target_entropy
+        return jnp.exp(log_alpha) * jnp.mean(jax.lax.stop_gradient(surplus))
+
+
+def _play(env: BasePoseEnv, key: Array, act: Callable[[State], Array], episodes: int) -> tuple[Memory, Metrics]:
+    """A batch of fresh episodes with the actions that `act` gives for their first states."""
+    start = jax.vmap(env.reset)(jax.random.split(key, episodes))
+    observation: Any = start.obs
+    action = act(start)
+    end = env.step(start, action)
+    return Memory(observation, action, end.reward), end.metrics
+
+
+def _gradient_step(loss: Callable[..., Any], optimizer: optax.GradientTransformation) -> Callable[..., Any]:
+    return gradients.gradient_update_fn(loss, optimizer, pmap_axis_name=None)

@@ -1,0 +1,57 @@
+"""The grasp-sequence policy: which of the remaining objects to grasp next (layer 1 of the paper)."""
+
+import flax.linen as nn
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Bool, Float
+
+from basenet_jax.policies.graph_attention import FirstLayer, Layer
+from basenet_jax.trigonometry import sin_cos
+
+OBJECT_FEATURES = 5
+ROBOT_FEATURES = 4
+
+
+class GraspSequencePolicy(nn.Module):
+    """The paper's network: five graph-attention layers, the first heterogeneous, and an MLP of two hidden layers.
+
+    One compiled function serves every number of objects up to the M it is given.
+    """
+
+    features: int = 64
+    layers: int = 5
+    attention: bool = True
+
+    @nn.compact
+    def __call__(
+        self,
+        grasps: Float[Array, "*batch M 4"],
+        robot_pose: Float[Array, "*batch 3"],
+        remaining: Bool[Array, "*batch M"],
+    ) -> Float[Array, "*batch M"]:
+        """Logits of a categorical distribution over the remaining objects; minus infinity for all others.
+
+        Args:
+            grasps: tool0's x, y, z, yaw in W at each object's grasp.
+            robot_pose: (x, y, heading) of the base in W.
+            remaining: objects yet to be grasped.
+        """
+        nodes = FirstLayer(self.features, self.attention)(
+            object_features(grasps), robot_features(robot_pose), remaining
+        )
+        for _ in range(self.layers - 1):
+            nodes = Layer(self.features, self.attention)(nodes, remaining)
+        for _ in range(2):
+            nodes = nn.relu(nn.Dense(self.features)(nodes))
+        logits = nn.Dense(1)(nodes)[..., 0]
+        return jnp.where(remaining, logits, -jnp.inf)
+
+
+def object_features(grasps: Float[Array, "*batch 4"]) -> Float[Array, "*batch 5"]:
+    """Position (m) of the grasp in W and the sine and cosine of its yaw."""
+    return jnp.concatenate([grasps[..., :3], jnp.stack(sin_cos(grasps[..., 3]), axis=-1)], axis=-1)
+
+
+def robot_features(robot_pose: Float[Array, "*batch 3"]) -> Float[Array, "*batch 4"]:
+    """Position (m) of the base in W and the sine and cosine of its heading."""
+    return jnp.concatenate([robot_pose[..., :2], jnp.stack(sin_cos(robot_pose[..., 2]), axis=-1)], axis=-1)

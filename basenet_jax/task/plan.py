@@ -1,0 +1,105 @@
+"""Plans, and the one judge that says what executing them costs."""
+
+import jax
+import jax.numpy as jnp
+from flax import struct
+from jax import Array
+from jaxtyping import Bool, Float, Int
+
+from basenet_jax.config import WorldConfig
+from basenet_jax.robot.model import Robot
+from basenet_jax.task.navigation import navigation_time
+from basenet_jax.task.picking import ArmCheck, Reason, pick
+from basenet_jax.world.clearance import base_collides, capsules_touch
+from basenet_jax.world.scene import Scene
+
+
+@struct.dataclass
+class Plan:
+    """In which order to pick and where to park for each pick; one step per object, padded to M steps.
+
+    Objects that no base pose can serve come last, with `served` false.
+    """
+
+    object_index: Int[Array, "*batch M"]  # slot of the scene; -1: no step
+    base_pose: Float[Array, "*batch M 3"]  # (x, y, heading) in W
+    served: Bool[Array, "*batch M"]  # whether the step has a base pose
+    reason: Int[Array, "*batch M"]  # a `Reason`: why a step has none
+
+
+@struct.dataclass
+class Outcome:
+    """What executing a plan comes to, step by step."""
+
+    is_step: Bool[Array, "*batch M"]
+    feasible: Bool[Array, "*batch M"]
+    reason: Int[Array, "*batch M"]  # a `Reason`
+    navigation_time: Float[Array, "*batch M"]  # s
+    pick_time: Float[Array, "*batch M"]  # s
+    joints: Float[Array, "*batch M waypoints dof"]  # rad
+
+    @property
+    def grasped(self) -> Int[Array, "*batch"]:
+        """Number of objects grasped."""
+        return jnp.sum(self.feasible, axis=-1)
+
+    @property
+    def navigation(self) -> Float[Array, "*batch"]:
+        """Navigation time N of the whole plan (s)."""
+        return jnp.sum(self.navigation_time, axis=-1)
+
+    @property
+    def picking(self) -> Float[Array, "*batch"]:
+        """Grasping time G of the whole plan (s)."""
+        return jnp.sum(self.pick_time, axis=-1)
+
+    @property
+    def execution(self) -> Float[Array, "*batch"]:
+        """Execution time N + G (s)."""
+        return self.navigation + self.picking
+
+
+def execute(
+    robot: Robot,
+    scene: Scene,
+    plan: Plan,
+    config: WorldConfig = WorldConfig(),
+    arm_check: ArmCheck = capsules_touch,
+) -> Outcome:
+    """Executes plans: drive (time counts), pick (time counts if feasible), step by step.
+
+    An infeasible pick costs nothing and its object stays. A base pose that collides with the table or can't be
+    reached ends the episode: that drive and all later steps are not executed.
+
+    Args:
+        robot: the robot.
+        scene: one scene or a batch.
+        plan: of the same batch shape.
+        config: of navigation and picks.
+        arm_check: tests joint states for collision.
+    """
+    is_step = plan.object_index >= 0
+    drives = is_step & plan.served
+    # An unserved step comes after all served ones, so where the robot would drive from there doesn't matter.
+    before = jnp.concatenate([scene.robot_start[..., None, :], plan.base_pose[..., :-1, :]], axis=-2)
+    table = jax.tree.map(lambda x: jnp.expand_dims(x, scene.robot_start.ndim - 1), scene.table)
+    drive = navigation_time(robot, before, plan.base_pose, table, config.navigation)
+    collides = base_collides(robot, plan.base_pose, table, config.pick.base_clearance_m, config.pick.touching_m)
+    fails = drives & (collides | ~jnp.isfinite(drive))
+    ended = jnp.cumsum(fails, axis=-1) - fails > 0  # by an earlier step
+    executed = drives & ~ended & ~fails
+    slot = jnp.maximum(plan.object_index, 0)
+    grasp = jnp.take_along_axis(scene.grasps, slot[..., None], axis=-2)
+    picks = pick(robot, plan.base_pose, grasp, table, config.pick, arm_check)
+    stopped = jnp.where(collides, Reason.BASE_COLLIDES, Reason.UNREACHABLE)
+    reason = jnp.where(ended, Reason.NOT_EXECUTED, jnp.where(fails, stopped, picks.reason))
+    reason = jnp.where(plan.served, reason, plan.reason)
+    feasible = executed & picks.feasible
+    return Outcome(
+        is_step=is_step,
+        feasible=feasible,
+        reason=jnp.where(is_step, reason, Reason.NONE),
+        navigation_time=jnp.where(executed, drive, 0.0),
+        pick_time=jnp.where(feasible, picks.time, 0.0),
+        joints=picks.joints,
+    )

@@ -1,0 +1,107 @@
+"""Network weights in one portable file: a format line, a checksum line, then MessagePack.
+
+The content is names, numbers and shapes only: reading a file, whoever wrote it, runs no code of it. This module is
+near the ground, so that planners load weights without the machinery of training.
+"""
+
+import hashlib
+import math
+import os
+from pathlib import Path
+from typing import Any, TypeVar
+
+import jax
+import jax.numpy as jnp
+import msgspec
+import numpy as np
+
+from basenet_jax.atomic import write_atomically
+
+FORMAT = "basenet-weights/1"
+
+Params = TypeVar("Params")
+
+
+class _Array(msgspec.Struct, forbid_unknown_fields=True):
+    dtype: str
+    shape: tuple[int, ...]
+    data: bytes  # C order, little-endian
+
+
+class _Content(msgspec.Struct, forbid_unknown_fields=True):
+    metadata: dict[str, Any]
+    arrays: dict[str, _Array]  # by path in the pytree
+
+
+def save_weights(path: str | os.PathLike[str], params: Any, metadata: dict[str, Any]) -> None:
+    """Writes a pytree of arrays and a JSON-able dictionary, whole or not at all. Equal content, equal bytes.
+
+    Raises:
+        OSError: the file can't be written.
+    """
+    arrays = {name: _encode(jnp.asarray(leaf)) for name, leaf in _named_leaves(params)}
+    body = msgspec.msgpack.encode(_Content(metadata, arrays))
+    write_atomically(path, f"{FORMAT}\n{hashlib.sha256(body).hexdigest()}\n".encode() + body)
+
+
+def load_weights(path: str | os.PathLike[str], like: Params) -> tuple[Params, dict[str, Any]]:
+    """Reads what `save_weights` wrote: the weights as JAX arrays in the structure of `like`, and the metadata.
+
+    Args:
+        path: of the file.
+        like: a pytree with the expected names, shapes and dtypes: of arrays, or abstract as from `jax.eval_shape`.
+
+    Raises:
+        ValueError: the file is missing, damaged, of another format, or its weights are not like `like`; the message
+            names the file and what is wrong.
+    """
+    try:
+        content = _read(Path(path))
+        wanted = _named_leaves(like)
+        _check_names({name for name, _ in wanted}, set(content.arrays))
+        leaves = [_decode(name, content.arrays[name], leaf) for name, leaf in wanted]
+    except OSError as error:
+        raise ValueError(f"{path}: can't be read: {error.strerror}") from error
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+    return jax.tree.unflatten(jax.tree.structure(like), leaves), content.metadata
+
+
+def _named_leaves(tree: Any) -> list[tuple[str, Any]]:
+    leaves = jax.tree_util.tree_leaves_with_path(tree)
+    return [(jax.tree_util.keystr(path, simple=True, separator="/"), leaf) for path, leaf in leaves]
+
+
+def _encode(leaf: jax.Array) -> _Array:
+    values = np.asarray(leaf)
+    return _Array(str(leaf.dtype), leaf.shape, values.astype(values.dtype.newbyteorder("<")).tobytes())
+
+
+def _decode(name: str, array: _Array, like: Any) -> jax.Array:
+    dtype = jnp.dtype(like.dtype)
+    if array.dtype != str(dtype) or array.shape != tuple(like.shape):
+        raise ValueError(f"{name}: found {array.dtype} of shape {array.shape}, needs {dtype} of {tuple(like.shape)}")
+    if len(array.data) != dtype.itemsize * math.prod(array.shape):
+        raise ValueError(f"{name}: found {len(array.data)} bytes for {array.dtype} of shape {array.shape}")
+    values = np.frombuffer(array.data, dtype.newbyteorder("<")).reshape(array.shape)
+    return jnp.array(values.astype(dtype))
+
+
+def _read(path: Path) -> _Content:
+    format_line, _, rest = path.read_bytes().partition(b"\n")
+    if format_line != FORMAT.encode():
+        raise ValueError(f"format: found {format_line[:40].decode(errors='replace')!r}, needs {FORMAT!r}")
+    checksum, _, body = rest.partition(b"\n")
+    if hashlib.sha256(body).hexdigest().encode() != checksum:
+        raise ValueError("the file is damaged or cut short: its content doesn't fit its checksum")
+    try:
+        return msgspec.msgpack.decode(body, type=_Content)
+    except msgspec.MsgspecError as error:
+        raise ValueError(f"the content is not that of {FORMAT}: {error}") from error
+
+
+def _check_names(wanted: set[str], found: set[str]) -> None:
+    if missing := sorted(wanted - found):
+        raise ValueError(f"{missing[0]}: missing ({len(missing)} of {len(wanted)} arrays are)")
+    if unknown := sorted(found - wanted):
+        raise ValueError(f"{unknown[0]}: unknown, the network has no such array")

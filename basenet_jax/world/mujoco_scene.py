@@ -1,0 +1,158 @@
+"""The scene in MuJoCo: a model of table, robot and objects, and contact queries in float64 for replay and the judge.
+
+Contacts are declared pair by pair and nothing else collides: the base's footprint with the table grown by the base's
+clearance (rule 1), and every capsule of arm and gripper with the table's box and the robot's body box (rule 4).
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled module comes without type stubs.)
+
+import itertools
+
+import mujoco
+import numpy as np
+from jax.typing import ArrayLike
+from jaxtyping import Bool, Float
+
+from basenet_jax.config import PickConfig
+from basenet_jax.robot.model import Robot
+from basenet_jax.world.scene import Scene, Table
+
+TABLE, KEEP_OUT, FOOTPRINT = "table", "keep out", "footprint"
+ROBOT = "robot/"  # before the names of everything that comes from the robot's MJCF
+BASE_JOINTS = ("base_x", "base_y", "base_heading")
+BASE_DIMENSION, ARM_DIMENSION = 1, 3  # of contacts, as MuJoCo calls it: tells those of rule 1 and rule 4 apart
+PARKED = (0.0, 0.0, -10.0)  # m: where unused objects wait, below the floor
+HIDDEN_GROUP = 4  # of geoms that only contacts need; pictures leave groups above 2 out by default
+SLAB = 0.5  # m, half the height of footprint and grown table: rule 1 is planar, so any height does
+MARGIN = 1e-4  # m: contacts up to this distance are reported, so that a distance of exactly 0 is among them
+OBJECT_COLORS = ((0.80, 0.33, 0.24), (0.93, 0.93, 0.90), (0.90, 0.73, 0.20), (0.30, 0.49, 0.70), (0.75, 0.45, 0.60))
+
+
+def build_model(
+    robot: Robot,
+    table: Table,
+    object_size: Float[np.ndarray, "M 3"] | None = None,
+    object_class: ArrayLike | None = None,
+    config: PickConfig = PickConfig(),
+) -> mujoco.MjModel:
+    """The MuJoCo model of a table, a robot and objects (mocap bodies "object 0", ... parked below the floor).
+
+    Frames of arm and body and their shapes are the MJCF's; of the robot's arrays only the footprint is used. Objects
+    come first in the list of mocap bodies, so `mocap_pos[i]` is object i's centre.
+
+    Args:
+        robot: its MJCF has a body "base" with the joints base_x, base_y and base_heading.
+        table: one table (its leaves unbatched and concrete).
+        object_size: x, y, z (m) of each object's box; None for no objects.
+        object_class: of each object, for its colour; None paints them all alike.
+        config: the base's clearance from the table.
+    """
+    spec = mujoco.MjSpec()
+    spec.worldbody.add_frame().attach_body(mujoco.MjSpec.from_file(robot.model_path).body("base"), ROBOT, "")
+    for geom in spec.geoms:
+        geom.contype = geom.conaffinity = 0
+    _add_surroundings(spec, robot, table, config)
+    sizes = np.zeros((0, 3)) if object_size is None else np.asarray(object_size, float)
+    colors = np.zeros(len(sizes), int) if object_class is None else np.asarray(object_class)
+    for index, (size, color) in enumerate(zip(sizes, colors, strict=True)):
+        body = spec.worldbody.add_body(name=f"object {index}", mocap=True, pos=PARKED)
+        rgba = (*OBJECT_COLORS[color % len(OBJECT_COLORS)], 1.0)
+        _add_box(body, f"object {index}", size / 2, (0.0, 0.0, 0.0), rgba=rgba)
+    _add_pairs(spec, robot)
+    return spec.compile()
+
+
+def scene_model(robot: Robot, scene: Scene, config: PickConfig = PickConfig()) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    """Model and data of one concrete scene (unbatched): objects in their true sizes at their poses, the robot at its
+    start with its arm at home; unused slots are left out."""
+    used = np.asarray(scene.mask)
+    pose, size = np.asarray(scene.object_pose, float)[used], np.asarray(scene.object_size, float)[used]
+    model = build_model(robot, scene.table, size, np.asarray(scene.object_class)[used], config)
+    data = mujoco.MjData(model)
+    data.mocap_pos[:, :2] = pose[:, :2]
+    data.mocap_pos[:, 2] = float(scene.table.height) + size[:, 2] / 2
+    data.mocap_quat[:, 0], data.mocap_quat[:, 3] = np.cos(pose[:, 2] / 2), np.sin(pose[:, 2] / 2)
+    data.qpos[state_addresses(robot, model)] = [*np.asarray(scene.robot_start), *np.asarray(robot.home)]
+    mujoco.mj_forward(model, data)
+    return model, data
+
+
+def state_addresses(robot: Robot, model: mujoco.MjModel) -> np.ndarray:
+    """Where base pose and joints, in this order, are in `qpos`."""
+    return np.array([model.joint(ROBOT + name).qposadr[0] for name in (*BASE_JOINTS, *robot.joint_names)])
+
+
+class MujocoChecker:
+    """Rules 1 and 4 by MuJoCo's own contacts, in float64 and one state after another (about 20 us each).
+
+    Args:
+        robot: the robot.
+        table: one concrete table.
+        config: the base's clearance, and up to which distance it counts as touching.
+    """
+
+    def __init__(self, robot: Robot, table: Table, config: PickConfig = PickConfig()):
+        self.model = build_model(robot, table, config=config)
+        self.data = mujoco.MjData(self.model)
+        self._home = np.asarray(robot.home)
+        self._addresses = state_addresses(robot, self.model)
+        self._touching = config.touching_m
+
+    def base_touches(self, base_pose: Float[np.ndarray, "N 3"]) -> Bool[np.ndarray, " N"]:
+        """Whether the footprint touches the grown table (rule 1); poses as x, y (m), heading (rad) in W."""
+        joints = np.broadcast_to(self._home, (len(base_pose), len(self._home)))
+        return self.distances(base_pose, joints)[:, 0] <= self._touching
+
+    def arm_touches(
+        self, base_pose: Float[np.ndarray, "N 3"], joints: Float[np.ndarray, "N dof"]
+    ) -> Bool[np.ndarray, " N"]:
+        """Whether a capsule of arm or gripper touches the table's box or the body box (rule 4); joints in rad."""
+        return self.distances(base_pose, joints)[:, 1] <= 0.0
+
+    def distances(
+        self, base_pose: Float[np.ndarray, "N 3"], joints: Float[np.ndarray, "N dof"]
+    ) -> Float[np.ndarray, "N 2"]:
+        """Distance (m) of the deepest contact of rule 1 and of rule 4: negative inside, infinite beyond `MARGIN`."""
+        result = np.full((len(base_pose), 2), np.inf)
+        states = np.concatenate([base_pose, joints], axis=1, dtype=float)
+        for row, state in zip(result, states, strict=True):
+            self.data.qpos[self._addresses] = state
+            mujoco.mj_kinematics(self.model, self.data)
+            mujoco.mj_collision(self.model, self.data)
+            contact = self.data.contact
+            for dimension, distance in zip(contact.dim, contact.dist, strict=True):
+                rule = 0 if dimension == BASE_DIMENSION else 1
+                row[rule] = min(row[rule], distance)
+        return result
+
+
+def _add_surroundings(spec: mujoco.MjSpec, robot: Robot, table: Table, config: PickConfig) -> None:
+    world, base = spec.worldbody, spec.body(ROBOT + "base")
+    world.add_light(pos=(0.0, 0.0, 4.0), dir=(0.0, 0.0, -1.0))
+    spec.visual.headlight.ambient = (0.4, 0.4, 0.4)
+    world.add_geom(
+        name="floor",
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=(6.0, 6.0, 0.1),
+        rgba=(0.88, 0.88, 0.86, 1.0),
+        contype=0,
+        conaffinity=0,
+    )
+    half_x, half_y = np.asarray(table.half_size, float)
+    half_z = float(table.height) / 2
+    _add_box(world, TABLE, (half_x, half_y, half_z), (0.0, 0.0, half_z), rgba=(0.72, 0.58, 0.42, 1.0))
+    grown = (half_x + config.base_clearance_m, half_y + config.base_clearance_m, SLAB)
+    _add_box(world, KEEP_OUT, grown, (0.0, 0.0, SLAB), group=HIDDEN_GROUP)
+    _add_box(base, FOOTPRINT, (*robot.footprint_half_size, SLAB), (0.0, 0.0, SLAB), group=HIDDEN_GROUP)
+
+
+def _add_box(body, name: str, half_size, position, **looks) -> None:
+    box = mujoco.mjtGeom.mjGEOM_BOX
+    body.add_geom(name=name, type=box, size=half_size, pos=position, contype=0, conaffinity=0, **looks)
+
+
+def _add_pairs(spec: mujoco.MjSpec, robot: Robot) -> None:
+    spec.add_pair(geomname1=FOOTPRINT, geomname2=KEEP_OUT, condim=BASE_DIMENSION, margin=MARGIN)
+    for capsule, box in itertools.product(robot.capsule_geoms, (TABLE, ROBOT + robot.body_geom)):
+        spec.add_pair(geomname1=ROBOT + capsule, geomname2=box, condim=ARM_DIMENSION, margin=MARGIN)

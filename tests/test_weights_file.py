@@ -1,0 +1,115 @@
+import hashlib
+import pickle
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import msgspec
+import numpy as np
+import pytest
+
+from basenet_jax.weights_file import load_weights, save_weights
+
+PARAMS = {
+    "layer_0": {"kernel": jnp.arange(6.0).reshape(2, 3), "bias": jnp.array([1.5, -0.0, 3.0], jnp.bfloat16)},
+    "heads": [jnp.int32(4), jnp.zeros((0, 2))],
+}
+
+
+def test_weights_and_metadata_come_back_to_the_bit(tmp_path: Path) -> None:
+    file = tmp_path / "weights.bin"
+    save_weights(file, PARAMS, {"robot": "ur5e_mobile", "seed": 3})
+    for like in (PARAMS, jax.eval_shape(lambda: PARAMS)):
+        params, metadata = load_weights(file, like)
+        assert metadata == {"robot": "ur5e_mobile", "seed": 3}
+        assert jax.tree.structure(params) == jax.tree.structure(PARAMS)
+        for leaf, expected in zip(jax.tree.leaves(params), jax.tree.leaves(PARAMS), strict=True):
+            assert leaf.dtype == expected.dtype
+            assert leaf.shape == expected.shape
+            assert np.asarray(leaf).tobytes() == np.asarray(expected).tobytes()
+
+
+def test_equal_weights_make_equal_files(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        save_weights(tmp_path / name, PARAMS, {"seed": 3})
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+
+
+def test_every_flipped_byte_is_found(tmp_path: Path) -> None:
+    file = tmp_path / "weights.bin"
+    save_weights(file, {"w": jnp.ones(2)}, {})
+    whole = file.read_bytes()
+    for place in range(len(whole)):
+        file.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
+        with pytest.raises(ValueError, match=r"weights\.bin: (format: found|the file is damaged)"):
+            load_weights(file, {"w": jnp.ones(2)})
+
+
+@pytest.mark.parametrize("length", [0, 5, 20, 60, 100, -1])
+def test_a_file_cut_short_is_found(tmp_path: Path, length: int) -> None:
+    file = tmp_path / "weights.bin"
+    save_weights(file, PARAMS, {})
+    file.write_bytes(file.read_bytes()[:length])
+    with pytest.raises(ValueError, match=r"weights\.bin: (format: found|the file is damaged or cut short)"):
+        load_weights(file, PARAMS)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"weights\.bin: can't be read: No such file or directory"):
+        load_weights(tmp_path / "weights.bin", PARAMS)
+
+
+def test_another_format_is_named(tmp_path: Path) -> None:
+    file = tmp_path / "weights.bin"
+    save_weights(file, PARAMS, {})
+    file.write_bytes(file.read_bytes().replace(b"basenet-weights/1", b"basenet-weights/2", 1))
+    with pytest.raises(ValueError, match="format: found 'basenet-weights/2', needs 'basenet-weights/1'"):
+        load_weights(file, PARAMS)
+
+
+@pytest.mark.parametrize(
+    ("like", "message"),
+    [
+        ({"a": jnp.zeros(3), "b": jnp.zeros(1)}, r"a: found float32 of shape \(2,\), needs float32 of \(3,\)"),
+        ({"a": jnp.zeros(2, jnp.int32), "b": jnp.zeros(1)}, r"a: found float32 of shape \(2,\), needs int32"),
+        ({"a": jnp.zeros(2), "c": jnp.zeros(1)}, r"c: missing \(1 of 2 arrays are\)"),
+        ({"a": jnp.zeros(2)}, "b: unknown, the network has no such array"),
+    ],
+)
+def test_weights_of_another_network_are_told_apart(tmp_path: Path, like: Any, message: str) -> None:
+    file = tmp_path / "weights.bin"
+    save_weights(file, {"a": jnp.zeros(2), "b": jnp.zeros(1)}, {})
+    with pytest.raises(ValueError, match=rf"weights\.bin: {message}"):
+        load_weights(file, like)
+
+
+class Bomb:
+    def __init__(self, path: Path):
+        self.path = path
+
+    def __reduce__(self) -> Any:
+        return Path.touch, (self.path,)
+
+
+def forge(file: Path, body: bytes) -> None:
+    file.write_bytes(b"basenet-weights/1\n" + hashlib.sha256(body).hexdigest().encode() + b"\n" + body)
+
+
+def test_reading_a_forged_file_runs_no_code_and_says_what_is_wrong(tmp_path: Path) -> None:
+    file, mark = tmp_path / "weights.bin", tmp_path / "mark"
+    bomb = pickle.dumps(Bomb(mark))
+    array = {"dtype": "float32", "shape": [2], "data": b"too short"}
+    for body in (
+        bomb,
+        msgspec.msgpack.encode({"metadata": {}, "arrays": {"a": bomb}}),
+        msgspec.msgpack.encode({"metadata": {}, "arrays": {"a": array | {"dtype": "O"}}}),
+        msgspec.msgpack.encode({"metadata": {}, "arrays": {"a": array | {"shape": [-2]}}}),
+        msgspec.msgpack.encode({"metadata": {}, "arrays": {"a": array}}),
+    ):
+        forge(file, body)
+        with pytest.raises(ValueError, match=r"weights\.bin: "):
+            load_weights(file, {"a": jnp.zeros(2)})
+    assert not mark.exists()
+    pickle.loads(bomb)
+    assert mark.exists()  # the bomb was a real one
