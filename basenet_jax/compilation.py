@@ -12,7 +12,7 @@ def enable_cache() -> None:
     Nothing is changed where JAX was told of a cache already (`JAX_COMPILATION_CACHE_DIR`), and nothing is cached where
     `BASENET_JAX_CACHE` is `off`.
     """
-    if jax.config.jax_compilation_cache_dir or os.environ.get("BASENET_JAX_CACHE") == "off":
+    if getattr(jax.config, "jax_compilation_cache_dir", None) or os.environ.get("BASENET_JAX_CACHE") == "off":
         return
     root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     jax.config.update("jax_compilation_cache_dir", str(root / "basenet_jax"))

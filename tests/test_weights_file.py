@@ -100,16 +100,19 @@ def test_reading_a_forged_file_runs_no_code_and_says_what_is_wrong(tmp_path: Pat
     file, mark = tmp_path / "weights.bin", tmp_path / "mark"
     bomb = pickle.dumps(Bomb(mark))
     array = {"dtype": "float32", "shape": [2], "data": b"too short"}
-    for body in (
-        bomb,
-        msgspec.msgpack.encode({"metadata": {}, "arrays": {"a": bomb}}),
-        msgspec.msgpack.encode({"metadata": {}, "arrays": {"a": array | {"dtype": "O"}}}),
-        msgspec.msgpack.encode({"metadata": {}, "arrays": {"a": array | {"shape": [-2]}}}),
-        msgspec.msgpack.encode({"metadata": {}, "arrays": {"a": array}}),
+    for arrays, message in (
+        (bomb, "the content is not that of basenet-weights/1: "),
+        ({"a": bomb}, "the content is not that of basenet-weights/1: "),
+        ({"a": array | {"dtype": "O"}}, "a: found O of shape"),
+        ({"a": array | {"shape": [-2]}}, "a: found float32 of shape"),
+        ({"a": array}, "a: found 9 bytes for float32 of shape"),
     ):
-        forge(file, body)
-        with pytest.raises(ValueError, match=r"weights\.bin: "):
+        forge(file, msgspec.msgpack.encode({"metadata": {}, "arrays": arrays}))
+        with pytest.raises(ValueError, match=rf"weights\.bin: {message}"):
             load_weights(file, {"a": jnp.zeros(2)})
+    forge(file, bomb)
+    with pytest.raises(ValueError, match="the content is not that of"):
+        load_weights(file, {"a": jnp.zeros(2)})
     assert not mark.exists()
     pickle.loads(bomb)
     assert mark.exists()  # the bomb was a real one

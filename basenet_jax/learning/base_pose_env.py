@@ -1,5 +1,7 @@
 """Learning to park: one grasp, one base pose, one reward."""
 
+import dataclasses
+
 import jax.numpy as jnp
 from flax import struct
 from jax import Array
@@ -94,7 +96,7 @@ class BasePoseEnv(Env):
             rng, self.robot, self.table, own_class_share=self.own_class_share, config=self.world.scene
         )
         zero = jnp.zeros(())
-        metrics = dict.fromkeys(("success", "collision", "navigation_time", "pick_time"), zero)
+        metrics: dict[str, Array] = dict.fromkeys(("success", "collision", "navigation_time", "pick_time"), zero)
         info = {"grasp": grasp, "robot_pose": robot_pose, "truncation": zero}
         return State(None, observe(grasp, robot_pose), zero, zero, metrics, info)
 

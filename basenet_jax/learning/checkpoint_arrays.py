@@ -48,13 +48,13 @@ def misfit(found: list[Leaf], wanted: list[Leaf]) -> str | None:
 
 
 def write_arrays(folder: Path, leaves: list[jax.Array]) -> None:
-    """Writes the leaves as arrays of one dimension or more, the only ones whose dtype Orbax keeps; none empty.
+    """Writes the leaves as NumPy arrays, without the empty ones, which Orbax refuses.
 
     Raises:
         OSError, RuntimeError, ValueError: Orbax can't write it; which of them depends on what failed.
     """
     data = (jax.random.key_data(leaf) if _is_key(leaf) else leaf for leaf in leaves)
-    arrays = {f"{index:05d}": np.atleast_1d(np.asarray(leaf)) for index, leaf in enumerate(data) if leaf.size}
+    arrays = {f"{index:05d}": np.asarray(leaf) for index, leaf in enumerate(data) if leaf.size}
     absl = logging.getLogger("absl")
     level = absl.level
     absl.setLevel(logging.CRITICAL)  # a full disk is told in one line, not in Orbax's three tracebacks
@@ -87,7 +87,7 @@ def _rebuild(leaf: Leaf, data: np.ndarray | None, like: Any) -> jax.Array:
     elif leaf.key is not None:
         value = jax.random.wrap_key_data(jnp.array(data), impl=leaf.key)
     else:
-        value = jnp.array(data.reshape(leaf.shape))  # a copy: the program may give its buffer away
+        value = jnp.array(data)  # a copy: the program may give its buffer away
     if leaf.weak:
         blank = jnp.broadcast_to(jnp.asarray(value.dtype.type(0).item()), leaf.shape)  # of a Python number: weak
         if blank.dtype == value.dtype:

@@ -9,6 +9,7 @@ from typing import Protocol, TextIO
 
 import rich.console
 import rich.progress
+import rich.table
 
 Figures = dict[str, float]
 
@@ -116,7 +117,7 @@ class PlainReporter:
         elapsed = f"{_duration(self._pace.elapsed)} elapsed"
         self._held = ", ".join([count, elapsed, *self._pace.describe(), *_texts(figures)])
         now = self._clock()
-        if self._printed_at is None or now - self._printed_at >= self._every_s or done >= self._pace.total:
+        if self._printed_at is None or now - self._printed_at >= self._every_s:
             self._print(self._held)
             self._printed_at, self._held = now, None
 
@@ -155,10 +156,14 @@ class TerminalReporter:
         """See `Reporter`."""
         self.finish()
         self._pace = _Pace(name, total, done, unit, work, self._clock)
-        columns = ("{task.description}", rich.progress.BarColumn(), rich.progress.MofNCompleteColumn())
-        status = rich.progress.TextColumn("{task.fields[status]}", markup=False)
         self._bar = rich.progress.Progress(
-            *columns, rich.progress.TimeElapsedColumn(), status, console=self._console, redirect_stdout=False
+            "{task.description}",
+            rich.progress.BarColumn(bar_width=12),
+            rich.progress.MofNCompleteColumn(),
+            rich.progress.TimeElapsedColumn(rich.table.Column(no_wrap=True, min_width=7)),  # else figures squeeze it
+            rich.progress.TextColumn("{task.fields[status]}", markup=False),
+            console=self._console,
+            redirect_stdout=False,
         )
         self._task = self._bar.add_task(name, total=total, completed=done, status="")
         self._bar.start()

@@ -137,7 +137,7 @@ class Reinforce:
             key=key,
             update=state.update + 1,
         )
-        return state, metrics | {"gradient_norm": optax.global_norm(gradient)}
+        return state, metrics | {"gradient_norm": optax.tree.norm(gradient)}
 
     def cost(self, steps: PickupStep) -> Array:
         """Cost (s) of each episode."""

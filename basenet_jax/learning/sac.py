@@ -4,6 +4,7 @@ Brax's own training loop restores only part of its state and fixes the target en
 pytree, and an interval of episodes, updates and evaluation is one jitted program.
 """
 
+import copy
 import dataclasses
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -62,7 +63,8 @@ class Sac:
     def __init__(self, env: BasePoseEnv, config: SacConfig):
         """Builds networks, losses and replay buffer for an environment; evaluation draws the five classes only."""
         self.env, self.config = env, config
-        self.evaluation_env = BasePoseEnv(env.robot, frame=env.frame, reward=env.reward, world=env.world)
+        self.evaluation_env = copy.copy(env)
+        self.evaluation_env.own_class_share = 0.0
         normalize: Any = running_statistics.normalize
         self.networks = networks.make_sac_networks(
             env.observation_size,

@@ -1,11 +1,9 @@
 """The loop around a learner: interval after interval, each checked, recorded and saved, until done or interrupted."""
 
-import contextlib
 import math
-import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -16,6 +14,7 @@ from basenet_jax.learning import checkpoint
 from basenet_jax.learning.checkpoint import CheckpointError
 from basenet_jax.learning.progress import Reporter
 from basenet_jax.learning.run_directory import RunDirectory
+from basenet_jax.learning.signals import stop_on_signals
 
 State = TypeVar("State")
 
@@ -135,7 +134,7 @@ def run_intervals(
     course = _Course(name, intervals, run, checkpoint_every, checkpoints_kept)
     stop = threading.Event()
     try:
-        with _signals_set(stop):
+        with stop_on_signals(stop):
             state = course.restore(jax.eval_shape(init, key), reporter) if resume else None
             reporter.start(name, intervals, course.saved, unit=unit, work=work)
             if state is None:
@@ -143,22 +142,35 @@ def run_intervals(
                 state = jax.jit(init)(key)
             if course.saved < intervals:
                 reporter.stage("compiling and running the first interval ...")
-            for done in range(course.saved + 1, intervals + 1):
-                if stop.is_set():
-                    break
-                state, metrics = interval(state)
-                metrics = _wait(metrics, stop, reporter)
-                course.check(done, metrics)
-                course.record(done, metrics)
-                reporter.update(done, {n: value for n, value in metrics.items() if figures is None or n in figures})
-                course.save(done, state, stop.is_set())
             if stop.is_set():
                 raise KeyboardInterrupt
-            return state
+            return _advance(course, interval, state, stop, reporter, figures)
     except KeyboardInterrupt:
         raise Interrupted(name, course.saved, intervals, run.path) from None
     finally:
         reporter.finish()
+
+
+def _advance(
+    course: _Course,
+    interval: Callable[[State], tuple[State, dict[str, Any]]],
+    state: State,
+    stop: threading.Event,
+    reporter: Reporter,
+    figures: Sequence[str] | None,
+) -> State:
+    """Runs the intervals that remain; a KeyboardInterrupt once a stop is wished for and the state is saved."""
+    for done in range(course.saved + 1, course.intervals + 1):
+        state, metrics = interval(state)  # the state before is gone: its buffers may have been taken
+        metrics = _wait(metrics, stop, reporter)
+        course.check(done, metrics)
+        course.record(done, metrics)
+        reporter.update(done, {name: metrics[name] for name in figures or metrics if name in metrics})
+        stopping = stop.is_set()  # read once: whatever is stopped is saved
+        course.save(done, state, stopping)
+        if stopping:
+            raise KeyboardInterrupt
+    return state
 
 
 def _wait(metrics: dict[str, Any], stop: threading.Event, reporter: Reporter) -> dict[str, float]:
@@ -171,26 +183,3 @@ def _wait(metrics: dict[str, Any], stop: threading.Event, reporter: Reporter) ->
                 told = True
             time.sleep(_POLL_S)
     return {name: float(value) for name, value in jax.device_get(metrics).items()}
-
-
-@contextlib.contextmanager
-def _signals_set(stop: threading.Event) -> Iterator[None]:
-    """While entered, the first SIGINT or SIGTERM sets an event; the second is a KeyboardInterrupt."""
-
-    def handle(_number: int, _frame: object) -> None:  # prints nothing: it may have interrupted a print
-        if stop.is_set():
-            raise KeyboardInterrupt
-        stop.set()
-
-    previous = {}
-    if threading.current_thread() is threading.main_thread():  # only there can handlers be set
-        for number in (signal.SIGINT, signal.SIGTERM):
-            # An ignored signal stays ignored: that is how `nohup` and shells protect background jobs.
-            if (handler := signal.getsignal(number)) not in (signal.SIG_IGN, None):
-                previous[number] = handler
-                signal.signal(number, handle)
-    try:
-        yield
-    finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)

@@ -6,6 +6,7 @@
 import functools
 import itertools
 import math
+from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -142,20 +143,25 @@ def read_robot(path: Path) -> Robot:
         raise ValueError(f"{path}: model: {model_path} can't be read: {error}") from error
     try:
         return _build(file, model, str(model_path))
-    except (KeyError, ValueError) as error:
-        raise ValueError(f"{path}: {error.args[0]}") from error
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
 
 
 def _build(file: RobotFile, model: mujoco.MjModel, model_path: str) -> Robot:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    joint_ids = [model.joint(name).id for name in file.joints]
-    frames = [_body_frame(model, data, file.frames.arm_base), *(_joint_frame(model, data, j) for j in joint_ids)]
+    joint_ids = [_named(model.joint, "joints", name).id for name in file.joints]
+    arm_base = _frame(_named(data.body, "frames.arm_base", file.frames.arm_base))
+    frames = [arm_base, *(_joint_frame(model, data, j) for j in joint_ids)]
     steps = [_between(before, after) for before, after in itertools.pairwise(frames)]
-    tool = _between(frames[-1], _site_frame(model, data, file.frames.tool))
-    mount = _between(_body_frame(model, data, "base"), frames[0])
+    tool = _between(frames[-1], _frame(_named(data.site, "frames.tool", file.frames.tool)))
+    mount = _between(_frame(_named(data.body, "model", "base")), frames[0])
     capsules = list(_capsules(model, data, file.arm_geoms, joint_ids, frames))
-    body = model.geom(file.base.body)
+    if not capsules:
+        raise ValueError(f"arm_geoms: no geom's name begins with {file.arm_geoms!r}")
+    body = _named(model.geom, "base.body", file.base.body)
+    if model.geom_type[body.id] != mujoco.mjtGeom.mjGEOM_BOX:
+        raise ValueError(f"base.body: geom {file.base.body!r} is not a box")
     per_joint = {
         "joint_speed": file.joint_speed,
         "joint_acceleration": file.joint_acceleration,
@@ -165,6 +171,9 @@ def _build(file: RobotFile, model: mujoco.MjModel, model_path: str) -> Robot:
     for field, values in per_joint.items():
         if len(values) != len(joint_ids):
             raise ValueError(f"{field}: found {len(values)} values, needs one for each of {len(joint_ids)} joints")
+    unlimited = [name for name, j in zip(file.joints, joint_ids, strict=True) if not model.jnt_limited[j]]
+    if unlimited:
+        raise ValueError(f"joints: {', '.join(unlimited)} without a range in the model")
     sliding = tuple(bool(model.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE) for j in joint_ids)
     unit = np.where(sliding, 1.0, math.pi / 180.0)
     leaves: dict[str, Any] = {
@@ -208,14 +217,17 @@ def _between(parent: Transform, child: Transform) -> Transform:
     return parent[0].T @ child[0], parent[0].T @ (child[1] - parent[1])
 
 
-def _body_frame(model: mujoco.MjModel, data: mujoco.MjData, name: str) -> Transform:
-    body = data.body(name)
-    return body.xmat.reshape(3, 3).copy(), body.xpos.copy()
+def _named(lookup: Callable[[str], Any], field: str, name: str) -> Any:
+    """What the model calls so; the error says which field asked for it."""
+    try:
+        return lookup(name)
+    except KeyError as error:
+        raise ValueError(f"{field}: {error.args[0]}") from error
 
 
-def _site_frame(model: mujoco.MjModel, data: mujoco.MjData, name: str) -> Transform:
-    site = data.site(name)
-    return site.xmat.reshape(3, 3).copy(), site.xpos.copy()
+def _frame(part: Any) -> Transform:
+    """Rotation and position of a body or site in the world."""
+    return part.xmat.reshape(3, 3).copy(), part.xpos.copy()
 
 
 def _joint_frame(model: mujoco.MjModel, data: mujoco.MjData, joint: int) -> Transform:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import ArrayLike
 
 from basenet_jax.config import PickConfig
 from basenet_jax.task.picking import Pick, Reason, pick
@@ -36,7 +37,7 @@ class Cases(NamedTuple):
     height: np.ndarray
 
 
-def cases(base_pose, grasp, height=0.75) -> Cases:
+def cases(base_pose, grasp, height: ArrayLike = 0.75) -> Cases:
     """Broadcast, and rounded to float32, so that both sides see the same numbers."""
     base_pose, grasp = np.atleast_2d(base_pose), np.atleast_2d(grasp)
     count = max(len(base_pose), len(grasp))
@@ -107,11 +108,15 @@ def judge(robot, picks: Cases, config=PickConfig()) -> Pick:
     return jax.tree.map(lambda *parts: np.concatenate(parts)[:count], *results)
 
 
+def _world(picks: Cases, index, **world) -> oracle.World:
+    return oracle.World(table_height=float(picks.height[index]), **world)
+
+
 def expect(picks: Cases, **world) -> list[oracle.Outcome]:
     """The oracle's verdicts."""
     return [
-        oracle.pick(base_pose, grasp, oracle.World(table_height=height, **world))
-        for base_pose, grasp, height in zip(*picks, strict=True)
+        oracle.pick(picks.base_pose[index], picks.grasp[index], _world(picks, index, **world))
+        for index in range(len(picks.grasp))
     ]
 
 
@@ -122,9 +127,8 @@ def reasons(result: Pick) -> list[str | None]:
 
 def decided_by_rounding(picks: Cases, index, **world) -> bool:
     """Whether thresholds moved a little either way change the oracle's verdict."""
-    base_pose, grasp, height = (part[index] for part in picks)
-    worlds = [oracle.World(table_height=height, slack=slack, **world) for slack in (-1, 1)]
-    strict, generous = (oracle.pick(base_pose, grasp, world) for world in worlds)
+    worlds = [_world(picks, index, slack=slack, **world) for slack in (-1, 1)]
+    strict, generous = (oracle.pick(picks.base_pose[index], picks.grasp[index], world) for world in worlds)
     return strict.reason != generous.reason or abs(strict.time - generous.time) > FLOAT32_BOUND
 
 

@@ -36,7 +36,7 @@ def test_agrees_with_enumeration_in_float64_and_vmapped(robot, picks, expected):
     with jax.enable_x64(True):
         rows = np.resize(np.arange(len(picks.grasp)), 2 * BATCH).reshape(16, -1)
         base_pose, grasp, height = (jnp.asarray(part[rows]) for part in picks)
-        each = jax.jit(jax.vmap(lambda *group: pick(robot, *group[:2], tables(group[2]))))
+        each = jax.jit(jax.vmap(lambda pose, goal, top: pick(robot, pose, goal, tables(top))))
         result = jax.tree.map(lambda x: np.concatenate(x)[: len(picks.grasp)], each(base_pose, grasp, height))
     assert result.time.dtype == np.float64
     check_against_oracle(picks, result, expected)
@@ -77,7 +77,8 @@ def test_waypoints_reach_the_targets(picks, result):
         joints = result.joints[index].astype(float)
         for height, q in zip(oracle.HEIGHTS, joints, strict=True):
             targets = [oracle.tool_target(base_pose, grasp, height, turn) for turn in (0.0, math.pi)]
-            worst = np.maximum(worst, min((arm.pose_error(q, target) for target in targets), key=lambda e: e[1]))
+            errors = min((arm.pose_error(q, target) for target in targets), key=lambda error: error[1])
+            worst = np.maximum(worst, np.array(errors))
     # Nearly all errors are below 1e-5; at the edge of reach the definition allows 1 mm and 0.5 degrees.
     assert worst[0] <= 1e-3
     assert worst[1] <= math.radians(0.5)

@@ -1,0 +1,74 @@
+# What a user and a developer type. Needs Python 3.11 or newer with venv and pip, nothing else.
+#
+#   make train      set up, then learn both layers in minutes and evaluate them
+#   make test       set up for development, then lint, types and fast tests
+#   make test-all   the fast tests on every interpreter found among VERSIONS
+#   make bench      every script in benchmarks/
+#   make clean      remove environments, caches and build outputs (never runs/)
+#
+# PYTHON=/path/to/python chooses the interpreter of a new environment, VENV=directory where it goes, ARGS="--seed 3"
+# adds options to the command. Set-up is done again only when pyproject.toml changes.
+
+PYTHON ?= python3
+VENV ?= .venv
+VERSIONS ?= 3.11 3.12 3.13
+ARGS ?=
+RUN = $(VENV)/bin/python
+PIP = $(RUN) -m pip --disable-pip-version-check install --quiet --quiet
+
+# The interpreter of one version: on the path, or among pyenv's; empty where there is none. (pyenv's shims stand on the
+# path even for versions that are not selected, so each candidate has to run.)
+find_python = $(shell for candidate in python$(1) "$$(pyenv root 2>/dev/null)"/versions/$(1).*/bin/python; do \
+	"$$candidate" -c 'import sys; sys.exit("%d.%d" % sys.version_info[:2] != "$(1)")' 2>/dev/null \
+	&& echo "$$candidate" && break; done)
+
+.PHONY: train test lint types fast-tests test-all bench clean
+.DELETE_ON_ERROR:
+
+train: $(VENV)/package.stamp
+	$(RUN) -m basenet_jax.train --objects 10 --preset quick $(ARGS)
+
+test: lint types fast-tests
+
+lint: $(VENV)/test.stamp
+	$(VENV)/bin/ruff check
+	$(VENV)/bin/ruff format --check
+
+types: $(VENV)/test.stamp
+	$(VENV)/bin/pyright --pythonpath $(RUN)
+
+fast-tests: $(VENV)/test.stamp
+	$(RUN) -m pytest $(ARGS)
+
+test-all: $(addprefix test-on-,$(VERSIONS))
+
+test-on-%:
+	@python='$(call find_python,$*)'; \
+	if [ -z "$$python" ]; then echo "Python $*: not found, not tested"; \
+	else echo "Python $*: $$python"; $(MAKE) --no-print-directory fast-tests PYTHON="$$python" VENV=.venv-$*; fi
+
+bench: $(VENV)/benchmarks.stamp
+	set -e; for script in $(sort $(wildcard benchmarks/*.py)); do echo "$$script"; $(RUN) "$$script" $(ARGS); done
+
+clean:
+	rm -rf .venv .venv-* build dist *.egg-info .pytest_cache .ruff_cache .hypothesis .jax_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(RUN):
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+		{ echo "Python 3.11 or newer is needed: make PYTHON=/path/to/python"; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+
+# A stamp is newer than pyproject.toml exactly if what that file asks for is installed. The interpreter comes first
+# but its date doesn't count.
+$(VENV)/package.stamp: pyproject.toml | $(RUN)
+	$(PIP) --editable .
+	touch $@
+
+$(VENV)/test.stamp: pyproject.toml | $(RUN)
+	$(PIP) --editable ".[test]"
+	touch $@ $(VENV)/package.stamp
+
+$(VENV)/benchmarks.stamp: pyproject.toml | $(RUN)
+	$(PIP) --editable ".[benchmarks]"
+	touch $@ $(VENV)/package.stamp

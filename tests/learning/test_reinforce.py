@@ -1,0 +1,125 @@
+"""The sequence learner: its gradient is the exact one, its baseline and t-test do what they say."""
+
+import dataclasses
+import itertools
+
+import chex
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scipy.stats
+
+from basenet_jax.config import ReinforceConfig, WorldConfig
+from basenet_jax.learning.pickup import rollout
+from basenet_jax.learning.reinforce import Reinforce, paired_t_test
+from basenet_jax.policies.base_pose import BasePosePolicy
+
+TINY = ReinforceConfig(
+    objects=3,
+    features=8,
+    layers=2,
+    episodes_per_update=16,
+    updates_per_interval=2,
+    intervals=2,
+    test_episodes=32,
+    evaluation_scenes=8,
+    navigation_weight=1.0,
+)
+
+
+def parking_policy():
+    """Parks beside the table, at a heading that depends on where the robot is: actions straight from the inputs."""
+    kernel = np.zeros((15, 8), np.float32)
+    kernel[1, 1] = 4.0
+    kernel[3, 2] = kernel[4, 3] = 1.0
+    return BasePosePolicy(
+        (jnp.asarray(kernel),), (jnp.array([0.1, 0.0, 0.2, 0.1, 0, 0, 0, 0.0]),), jnp.zeros(15), jnp.ones(15), "table"
+    )
+
+
+@pytest.fixture(scope="module")
+def learner(robot):
+    return Reinforce(robot, parking_policy(), TINY, WorldConfig())
+
+
+def test_gradient_is_that_of_the_expected_cost_by_enumeration(learner):
+    """Over all six orders, sum of P · cost · grad log P, against autodiff of sum of P · cost."""
+    params = learner.init(jax.random.key(0)).params
+    scene = jax.tree.map(lambda x: x[0], learner.draw(jax.random.key(1), 1, vary_count=False, own_class_share=0.0))
+    orders = np.array(list(itertools.permutations(range(3))))
+    scenes = jax.tree.map(lambda x: jnp.broadcast_to(x, (6, *x.shape)), scene)
+    def forced(state, _):
+        step = 3 - jnp.sum(state.remaining, axis=-1)
+        return jnp.take_along_axis(jnp.asarray(orders), jnp.minimum(step, 2)[:, None], axis=1)[:, 0]
+
+    steps = rollout(learner.robot, scenes, learner.base_pose, forced, jax.random.key(2), learner.world)
+    cost = learner.cost(steps)
+    assert float(jnp.std(cost)) > 0.1, "all orders cost the same: the test would show nothing"
+
+    def probabilities(params):
+        chances = []
+        for row, order in enumerate(orders):
+            chance, remaining = 1.0, np.ones(3, bool)
+            for step, choice in enumerate(order):
+                pose = steps.state.robot_pose[step, row]
+                logits = learner.network.apply(params, scene.grasps, pose, jnp.asarray(remaining))
+                weights = jnp.where(jnp.asarray(remaining), jnp.exp(jnp.asarray(logits)), 0.0)
+                chance = chance * weights[choice] / jnp.sum(weights)
+                remaining[choice] = False
+            chances.append(chance)
+        return jnp.stack(chances)
+
+    exact = jax.grad(lambda params: jnp.sum(probabilities(params) * cost))(params)
+    chance = probabilities(params)
+    np.testing.assert_allclose(jnp.sum(chance), 1.0, atol=1e-5)
+    for baseline in (0.0, float(jnp.mean(cost))):  # a constant baseline doesn't bias the gradient
+        estimate, _ = learner.policy_gradient(params, scenes, steps, 6 * chance * (cost - baseline))
+        chex.assert_trees_all_close(estimate, exact, atol=2e-4, rtol=2e-3)
+    assert float(jnp.max(jnp.abs(jax.tree.leaves(exact)[0]))) > 1e-3
+
+
+def test_training_lowers_the_cost_and_swaps_the_baseline(robot):
+    config = dataclasses.replace(TINY, episodes_per_update=64, updates_per_interval=30, learning_rate=3e-3)
+    learner = Reinforce(robot, parking_policy(), config, WorldConfig())
+    state = learner.init(jax.random.key(3))
+    start = learner.evaluate(state.params)
+    interval = jax.jit(learner.interval)
+    for _ in range(3):
+        state, _ = interval(state)
+    metrics = learner.evaluate(state.params)
+    assert float(metrics["navigation_time"]) < float(start["navigation_time"])
+    assert int(state.swaps) >= 1
+    assert int(state.update) == 90
+    chex.assert_tree_all_finite(state.params)
+
+
+def test_one_interval_is_reproducible_and_traced_once(learner):
+    chex.clear_trace_counter()
+    interval = jax.jit(chex.assert_max_traces(learner.interval, n=1))
+    first, metrics = interval(learner.init(jax.random.key(5)))
+    again, same = interval(learner.init(jax.random.key(5)))
+    chex.assert_trees_all_equal(first.params, again.params)
+    chex.assert_trees_all_equal(metrics, same)
+    second, _ = interval(first)
+    assert not np.array_equal(jax.random.key_data(second.key), jax.random.key_data(first.key))
+
+
+def test_scenes_have_one_to_all_objects(learner):
+    scenes = learner.draw(jax.random.key(8), 300, vary_count=True, own_class_share=0.5)
+    assert set(np.unique(scenes.mask.sum(-1))) == {1, 2, 3}
+    assert 0.3 < float(jnp.mean(scenes.object_class == -1)) < 0.7
+
+
+@pytest.mark.parametrize("shift", [-0.3, -0.05, 0.0, 0.2])
+def test_paired_t_test_is_scipys(shift):
+    rng = np.random.default_rng(0)
+    theirs = rng.normal(10, 3, 500).astype(np.float32)
+    ours = (theirs + rng.normal(shift, 1.0, 500)).astype(np.float32)
+    expected = scipy.stats.ttest_rel(ours, theirs, alternative="less").pvalue
+    assert float(paired_t_test(jnp.asarray(ours), jnp.asarray(theirs))) == pytest.approx(expected, rel=2e-3, abs=1e-6)
+
+
+def test_equal_policies_never_swap():
+    cost = jnp.arange(10.0)
+    assert float(paired_t_test(cost, cost)) == 1.0

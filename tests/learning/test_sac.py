@@ -1,0 +1,104 @@
+"""The base-pose learner: it learns a toy problem, from fresh scenes, with a critic that has something to learn."""
+
+import dataclasses
+
+import chex
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from basenet_jax.config import SacConfig
+from basenet_jax.learning._brax import networks
+from basenet_jax.learning.base_pose_env import BasePoseEnv, Trial
+from basenet_jax.learning.sac import Sac
+
+SMALL = SacConfig(
+    hidden=(64, 64),
+    learning_rate=1e-3,
+    reward_scale=5.0,
+    episodes_per_iteration=64,
+    updates_per_iteration=4,
+    batch_size=128,
+    replay_size=4096,
+    iterations_per_interval=100,
+    evaluation_problems=256,
+)
+
+
+class Bandit(BasePoseEnv):
+    """A toy with a known best action: stand 0.7 m from the grasp, along its yaw."""
+
+    def park(self, state, base_pose):
+        grasp = state.info["grasp"]
+        goal = grasp[..., :2] + 0.7 * jnp.stack([jnp.cos(grasp[..., 3]), jnp.sin(grasp[..., 3])], axis=-1)
+        miss = jnp.linalg.norm(base_pose[..., :2] - goal, axis=-1)
+        no = jnp.zeros_like(miss, bool)
+        return Trial(reward=-miss, success=miss < 0.15, collision=no, navigation_time=miss, pick_time=miss)
+
+
+@pytest.fixture(scope="module")
+def bandit(robot):
+    return Sac(Bandit(robot), SMALL)
+
+
+@pytest.fixture(scope="module")
+def trained(bandit):
+    interval = jax.jit(bandit.interval)
+    state, history = bandit.init(jax.random.key(0)), []
+    for _ in range(4):
+        state, metrics = interval(state)
+        history.append(jax.device_get(metrics))
+    return state, history
+
+
+def test_it_learns_a_toy_bandit(trained):
+    _, history = trained
+    assert history[-1]["navigation_time"] < 0.1, "mean distance (m) to the best pose, 0.9 at random"
+    assert history[-1]["success"] > 0.8
+
+
+def test_the_critics_learn_from_nonzero_errors(trained):
+    _, history = trained
+    assert all(metrics["critic_loss"] > 1e-6 for metrics in history)
+    assert history[-1]["critic_loss"] < history[0]["critic_loss"]
+
+
+def test_every_episode_has_a_fresh_scene(trained):
+    state, _ = trained
+    count = int(state.replay.insert_position)
+    seen = np.asarray(state.replay.data)[:count, :5]
+    assert len(np.unique(seen, axis=0)) == count == min(SMALL.replay_size, 64 * 400)
+
+
+def test_the_temperature_steers_entropy_to_its_target(bandit, trained):
+    state, _ = trained
+    batch = jax.vmap(bandit.env.reset)(jax.random.split(jax.random.key(1), 512))
+    distribution = bandit.networks.parametric_action_distribution
+    logits = bandit.networks.policy_network.apply(state.normalizer, state.actor, batch.obs)
+    raw = distribution.sample_no_postprocessing(logits, jax.random.key(2))
+    entropy = -float(jnp.mean(distribution.log_prob(logits, raw)))
+    assert entropy == pytest.approx(SMALL.target_entropy, abs=1.0)
+
+
+def test_policy_is_braxs_deterministic_one(bandit, trained):
+    state, _ = trained
+    start = jax.vmap(bandit.env.reset)(jax.random.split(jax.random.key(4), 16))
+    act = networks.make_inference_fn(bandit.networks)((state.normalizer, state.actor), deterministic=True)
+    action, _ = act(start.obs, jax.random.key(0))
+    from basenet_jax.policies.base_pose import base_pose_from_action
+
+    expected = base_pose_from_action(action, start.info["grasp"], "object")
+    found = bandit.policy(state)(start.info["grasp"], start.info["robot_pose"])
+    np.testing.assert_allclose(found, expected, atol=1e-4)
+
+
+def test_an_interval_is_reproducible_and_traced_once(bandit):
+    tiny = Sac(bandit.env, dataclasses.replace(SMALL, iterations_per_interval=2))
+    chex.clear_trace_counter()
+    interval = jax.jit(chex.assert_max_traces(tiny.interval, n=1))
+    first, _ = interval(tiny.init(jax.random.key(9)))
+    again, _ = interval(tiny.init(jax.random.key(9)))
+    chex.assert_trees_all_equal(first.actor, again.actor)
+    other, _ = interval(tiny.init(jax.random.key(10)))
+    assert not np.array_equal(jax.tree.leaves(other.actor)[0], jax.tree.leaves(first.actor)[0])

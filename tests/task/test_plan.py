@@ -1,0 +1,119 @@
+"""The judge: what a plan's execution comes to, by the rules of episodes."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from basenet_jax.task.navigation import navigation_time
+from basenet_jax.task.picking import Reason, pick
+from basenet_jax.task.plan import Plan, execute
+from basenet_jax.world.generate import draw_scene
+
+GOOD = jnp.array([0.35, -0.9, 0.05])
+
+
+@pytest.fixture(scope="module")
+def judge(robot):
+    return jax.jit(lambda scene, plan: execute(robot, scene, plan))
+
+
+@pytest.fixture(scope="module")
+def scene(table, robot):
+    """Four mugs that can all be picked from `GOOD`, in the first slots of six."""
+    scene, _ = draw_scene(jax.random.key(0), 4, table, slots=6)
+    x = jnp.array([-0.05, 0.1, 0.25, 0.4, 0.0, 0.0])
+    pose = jnp.stack([x, jnp.full(6, -0.25), jnp.linspace(0, 1, 6)], axis=-1)
+    mug = jnp.array([-0.06, 0.30, 0.0])
+    scene = dataclasses.replace(
+        scene,
+        object_pose=pose,
+        object_size=jnp.tile(jnp.array([0.08, 0.08, 0.082]), (6, 1)),
+        object_grasp=jnp.tile(mug, (6, 1)),
+        robot_start=jnp.array([2.6, -0.5, 1.0]),
+    )
+    feasible = jax.jit(lambda g: pick(robot, GOOD, g, table).feasible)(scene.grasps[:4])
+    assert bool(jnp.all(feasible)), "the scene is not what these tests need"
+    return scene
+
+
+def make_plan(poses, order=(2, 0, 3, 1, -1, -1), served=None):
+    served = [index >= 0 for index in order] if served is None else served
+    return Plan(
+        object_index=jnp.array(order), base_pose=jnp.stack(poses), served=jnp.array(served), reason=jnp.zeros(6, int)
+    )
+
+
+def test_times_are_those_of_the_cost_functions(judge, scene, robot, table):
+    there = jnp.array([0.2, -0.95, 0.5])
+    plan = make_plan([GOOD, GOOD, there, there, GOOD, GOOD])
+    outcome = judge(scene, plan)
+    starts = jnp.stack([scene.robot_start, GOOD, GOOD, there])
+    drives = navigation_time(robot, starts, plan.base_pose[:4], table)
+    picks = pick(robot, plan.base_pose[:4], scene.grasps[plan.object_index[:4]], table)
+    np.testing.assert_allclose(outcome.navigation_time[:4], drives, atol=1e-5)
+    np.testing.assert_allclose(outcome.pick_time[:4], picks.time, atol=1e-5)
+    assert float(outcome.navigation_time[1]) == 0.0, "staying costs nothing"
+    assert int(outcome.grasped) == 4
+    assert float(outcome.execution) == pytest.approx(float(drives.sum() + picks.time.sum()), abs=1e-4)
+    assert not np.any(np.asarray(outcome.is_step[4:]))
+    assert float(outcome.navigation_time[4:].sum()) == 0.0
+
+
+def test_an_infeasible_pick_costs_nothing_and_the_episode_goes_on(judge, scene):
+    far = jnp.array([-2.0, 1.5, 0.0])
+    outcome = judge(scene, make_plan([GOOD, far, GOOD, GOOD, GOOD, GOOD]))
+    assert list(np.asarray(outcome.reason[:4])) == [0, Reason.OUT_OF_REACH, 0, 0]
+    assert float(outcome.pick_time[1]) == 0.0
+    assert float(outcome.navigation_time[1]) > 0.0, "the drive was made"
+    assert float(outcome.navigation_time[2]) > 0.0, "and so was the one back"
+    assert int(outcome.grasped) == 3
+
+
+def test_a_collision_ends_the_episode(judge, scene):
+    inside = jnp.array([0.3, -0.5, 0.0])
+    outcome = judge(scene, make_plan([GOOD, inside, GOOD, GOOD, GOOD, GOOD]))
+    assert list(np.asarray(outcome.reason[:4])) == [0, Reason.BASE_COLLIDES, Reason.NOT_EXECUTED, Reason.NOT_EXECUTED]
+    assert float(outcome.navigation_time[1:].sum()) == 0.0
+    assert int(outcome.grasped) == 1
+
+
+def test_an_object_without_base_pose_is_a_step_that_costs_nothing(judge, scene):
+    plan = make_plan([GOOD] * 6, served=[True, True, True, False, False, False])
+    plan = dataclasses.replace(plan, reason=plan.reason.at[3].set(Reason.ARM_COLLIDES))
+    outcome = judge(scene, plan)
+    assert int(outcome.reason[3]) == Reason.ARM_COLLIDES
+    assert not bool(outcome.feasible[3])
+    assert float(outcome.navigation_time[3]) == 0.0
+    assert int(outcome.grasped) == 3
+
+
+def test_a_batch_is_its_plans_one_by_one_even_on_different_tables(robot, judge, scene):
+    low = dataclasses.replace(scene, table=dataclasses.replace(scene.table, height=jnp.array(0.55)))
+    wide = dataclasses.replace(scene, table=dataclasses.replace(scene.table, half_size=jnp.array([1.0, 0.6])))
+    plan = make_plan([GOOD] * 6)
+    batch = jax.tree.map(lambda *x: jnp.stack(x), scene, low, wide)
+    together = judge(batch, jax.tree.map(lambda x: jnp.stack([x] * 3), plan))
+    for row, single in enumerate((scene, low, wide)):
+        alone = judge(single, plan)
+        np.testing.assert_array_equal(together.reason[row], alone.reason)
+        np.testing.assert_allclose(together.execution[row], alone.execution, atol=1e-4)
+    assert int(together.reason[2, 0]) == Reason.BASE_COLLIDES
+
+
+def test_float64_agrees(judge, scene):
+    plan = make_plan([GOOD, GOOD + 0.01, GOOD - 0.02, GOOD, GOOD, GOOD])
+    single = judge(scene, plan)
+
+    def widen(x):
+        return np.asarray(x, np.float64) if x.dtype == jnp.float32 else np.asarray(x)
+
+    with jax.enable_x64(True):
+        double = judge(jax.tree.map(widen, scene), jax.tree.map(widen, plan))
+        assert double.execution.dtype == jnp.float64
+    np.testing.assert_array_equal(single.reason, double.reason)
+    # T's slope at 0 is infinite: float32's 1e-7 rad of heading are a millisecond.
+    np.testing.assert_allclose(single.navigation_time, double.navigation_time, atol=5e-3)
+    np.testing.assert_allclose(single.pick_time, double.pick_time, atol=5e-4)

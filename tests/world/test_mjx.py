@@ -1,0 +1,111 @@
+import subprocess
+import sys
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from basenet_jax.config import PickConfig
+from basenet_jax.task.picking import pick
+from basenet_jax.world import mujoco_scene
+from basenet_jax.world.scene import Table
+from tests.world.states import DOF, ROUNDING, TOUCHING, doubtful
+
+# MJX drops some contacts of a capsule with a box's edge (see the module): 1 in 750 touching states, none deeper than
+# the capsule's radius.
+MJX_MISSES, MJX_MISS_DEPTH = 0.005, 0.06
+
+
+@pytest.fixture(scope="module")
+def mjx():
+    """The module: imported here because the import takes seconds."""
+    from basenet_jax.world import mjx
+
+    return mjx
+
+
+@pytest.fixture(scope="module")
+def world(mjx, robot, table):
+    return mjx.MjxScene.create(robot, table, slots=3)
+
+
+def test_mjx_base_contacts_agree_with_mujoco(world, states, distances):
+    def touches(pose):
+        return world.base_touches(world.move(world.blank, pose, jnp.zeros(DOF)))
+
+    count = 4000
+    found = np.asarray(jax.jit(jax.vmap(touches))(states[:count, :3].astype(np.float32)))
+    clear = ~doubtful(distances[:count, 0], TOUCHING)
+    np.testing.assert_array_equal(found[clear], distances[:count][clear, 0] <= TOUCHING)
+
+
+@pytest.fixture(scope="module")
+def mjx_arm_check(mjx):
+    return jax.jit(mjx.arm_touches)
+
+
+def test_mjx_arm_contacts_agree_with_mujoco_but_for_dropped_edges(mjx_arm_check, robot, table, states, distances):
+    columns = jnp.asarray(states.T, jnp.float32)
+    found = np.asarray(mjx_arm_check(robot, tuple(columns[:3]), columns[3:], table))
+    distance = distances[:, 1]
+    assert not np.any(found & (distance > ROUNDING))
+    missed = ~found & (distance < -ROUNDING)
+    assert missed.sum() <= MJX_MISSES * np.sum(distance <= 0.0)
+    assert np.all(distance[missed] > -MJX_MISS_DEPTH)
+
+
+def test_mjx_arm_check_takes_a_table_per_state_and_broadcasts(mjx_arm_check, robot, table, states):
+    few = jnp.asarray(states[:4].T, jnp.float32)
+    pose, joints = tuple(few[:3]), jnp.stack([few[3:], few[3:] + 0.5], axis=1)
+    heights = jnp.array([0.75, 0.3, 1.2, 0.75])
+    tables = Table(half_size=jnp.broadcast_to(table.half_size, (4, 2)), height=heights)
+    found = np.asarray(mjx_arm_check(robot, pose, joints, tables))
+    assert found.shape == (2, 4)
+    for index, height in enumerate(heights):
+        one = mujoco_scene.MujocoChecker(robot, Table(half_size=table.half_size, height=height))
+        expected = one.arm_touches(np.tile(states[index, :3], (2, 1)), np.asarray(joints[:, :, index].T))
+        np.testing.assert_array_equal(found[:, index], expected)
+
+
+def test_pick_takes_the_mjx_check(mjx, robot, table):
+    base_pose = jnp.array([[0.3, -0.85, 0.0], [0.3, -0.85, np.pi], [0.0, -0.9, 1.0], [2.5, 0.0, 0.0]])
+    grasp = jnp.array([0.2, -0.2, 1.155, 0.4])
+    config = PickConfig(chunk=4)
+    by_kernel = jax.jit(lambda: pick(robot, base_pose, grasp, table, config))()
+    by_mjx = jax.jit(lambda: pick(robot, base_pose, grasp, table, config, arm_check=mjx.arm_touches))()
+    assert by_kernel.feasible.any()
+    np.testing.assert_array_equal(by_mjx.reason, by_kernel.reason)
+    np.testing.assert_allclose(by_mjx.time, by_kernel.time, rtol=1e-6)
+
+
+def test_placed_scene_has_the_frames_of_mujoco(world, robot, scene):
+    """MJX in float32 against MuJoCo, after up to nine joints: 1e-6 m."""
+    model, data = mujoco_scene.scene_model(robot, scene)
+    placed = jax.jit(world.place)(scene, scene.robot_start, jnp.asarray(robot.home, jnp.float32))
+    by_name = mujoco_scene.build_model(robot, scene.table, np.full((3, 3), 0.1))
+    for index in range(model.nbody):
+        other = by_name.body(model.body(index).name).id
+        np.testing.assert_allclose(placed.xpos[other], data.xpos[index], atol=2e-6)
+        np.testing.assert_allclose(placed.xmat[other].reshape(-1), data.xmat[index], atol=2e-6)
+    assert placed.xpos[by_name.body("object 2").id, 2] < -1.0
+
+
+def test_world_can_be_vmapped_over_tables_and_scenes(world, scene, robot):
+    """Objects stand on the table of the world, whatever its height."""
+    scenes = jax.tree.map(lambda leaf: jnp.stack([leaf, leaf]), scene)
+    heights = jnp.array([0.75, 0.2])
+
+    def place(scene, height):
+        own = world.with_table(scene.table.replace(height=height))
+        return own.place(scene, scene.robot_start, jnp.asarray(robot.home, jnp.float32)).mocap_pos[:, 2]
+
+    z = jax.jit(jax.vmap(place))(scenes, heights)
+    np.testing.assert_allclose(z[:, 0], heights + 0.105, rtol=1e-6)
+    np.testing.assert_allclose(z[:, 2], mujoco_scene.PARKED[2])
+
+
+def test_import_is_silent_and_nobody_imports_it_by_default():
+    code = "import sys, basenet_jax.task.picking; assert 'mujoco.mjx' not in sys.modules; import basenet_jax.world.mjx"
+    finished = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert finished.stdout == ""
