@@ -92,9 +92,11 @@ class SacConfig:
     own_class_share: float = 0.5  # of training objects with random size and grasp
     hidden: tuple[int, ...] = (256, 256, 256)  # paper
     learning_rate: float = 3e-4  # paper
+    final_learning_rate_share: float = 0.1  # reached at the last update, on a cosine
     reward: BasePoseRewardConfig = field(default_factory=BasePoseRewardConfig)
     reward_scale: float = 10.0
-    target_entropy: float = -4.0
+    target_entropy: float = -4.0  # nats, of the four action components
+    final_target_entropy: float = -8.0  # reached at the last iteration, in a straight line
     initial_alpha: float = 0.1
     target_rate: float = 0.005  # of the target critics (no part in one-step episodes, kept for Brax's losses)
     episodes_per_iteration: int = 512
@@ -162,8 +164,8 @@ def make_preset(preset: Preset, *, objects: int, seed: int) -> TrainConfig:
         sac = SacConfig(intervals=12)
         reinforce = ReinforceConfig(objects=objects, intervals=4, updates_per_interval=25)
     elif preset == "default":
-        sac, reinforce = SacConfig(intervals=80), ReinforceConfig(objects=objects, intervals=20)
+        sac, reinforce = SacConfig(intervals=120), ReinforceConfig(objects=objects, intervals=20)
     else:
-        sac = SacConfig(own_class_share=0.0, intervals=80)
+        sac = SacConfig(own_class_share=0.0, final_learning_rate_share=1.0, final_target_entropy=-4.0, intervals=120)
         reinforce = ReinforceConfig(objects=objects, own_class_share=0.0, final_learning_rate_share=1.0)
     return TrainConfig(preset=preset, seed=seed, sac=sac, reinforce=reinforce)

@@ -49,6 +49,7 @@ def test_gradient_is_that_of_the_expected_cost_by_enumeration(learner):
     scene = jax.tree.map(lambda x: x[0], learner.draw(jax.random.key(1), 1, vary_count=False, own_class_share=0.0))
     orders = np.array(list(itertools.permutations(range(3))))
     scenes = jax.tree.map(lambda x: jnp.broadcast_to(x, (6, *x.shape)), scene)
+
     def forced(state, _):
         step = 3 - jnp.sum(state.remaining, axis=-1)
         return jnp.take_along_axis(jnp.asarray(orders), jnp.minimum(step, 2)[:, None], axis=1)[:, 0]
@@ -80,7 +81,9 @@ def test_gradient_is_that_of_the_expected_cost_by_enumeration(learner):
 
 
 def test_training_lowers_the_cost_and_swaps_the_baseline(robot):
-    config = dataclasses.replace(TINY, episodes_per_update=64, updates_per_interval=30, learning_rate=3e-3)
+    config = dataclasses.replace(
+        TINY, objects=4, episodes_per_update=64, updates_per_interval=30, learning_rate=5e-3, evaluation_scenes=256
+    )
     learner = Reinforce(robot, parking_policy(), config, WorldConfig())
     state = learner.init(jax.random.key(3))
     start = learner.evaluate(state.params)

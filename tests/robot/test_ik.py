@@ -19,7 +19,7 @@ fixed_point = jax.jit(damped_least_squares, static_argnames=("iterations", "max_
 def reachable(robot):
     """Joints well inside the limits and the poses they reach, in float32."""
     joints = np.random.default_rng(5).uniform(-2.5, 2.5, size=(256, 6)).astype(np.float32)
-    return joints, *forward_kinematics(robot, joints)
+    return joints, *forward_kinematics(robot, jnp.asarray(joints))
 
 
 def target(position, rotation):

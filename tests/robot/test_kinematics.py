@@ -1,3 +1,6 @@
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled module comes without type stubs.)
+
 import jax
 import jax.numpy as jnp
 import mujoco

@@ -34,7 +34,7 @@ def check_rules(scene, count):
 
 
 def test_scenes_are_valid_for_every_number_of_objects(draw):
-    counts = jnp.arange(1, MAX_OBJECTS + 1)
+    counts = jnp.arange(1, MAX_OBJECTS + 1, dtype=jnp.int32)
     scenes, placed = draw(jax.random.split(jax.random.key(0), MAX_OBJECTS), counts)
     assert bool(jnp.all(placed))
     for row, count in enumerate(counts):
@@ -42,7 +42,7 @@ def test_scenes_are_valid_for_every_number_of_objects(draw):
 
 
 def test_classes_sizes_and_grasps_are_those_of_the_table_of_objects(draw):
-    scenes, _ = draw(jax.random.split(jax.random.key(1), MAX_OBJECTS), jnp.full(MAX_OBJECTS, 20))
+    scenes, _ = draw(jax.random.split(jax.random.key(1), MAX_OBJECTS), jnp.full(MAX_OBJECTS, 20, jnp.int32))
     index = np.asarray(scenes.object_class)
     for number, kind in enumerate(OBJECT_CLASSES):
         of_kind = index == number
@@ -76,7 +76,7 @@ def test_positions_are_uniform(draw):
     """A lone object's place has the mean and spread of a uniform distribution (5 standard errors)."""
     x = []
     for seed in range(6):
-        scenes, _ = draw(jax.random.split(jax.random.key(100 + seed), MAX_OBJECTS), jnp.full(MAX_OBJECTS, 1))
+        scenes, _ = draw(jax.random.split(jax.random.key(100 + seed), MAX_OBJECTS), jnp.full(MAX_OBJECTS, 1, jnp.int32))
         x.append(np.asarray(scenes.object_pose)[np.asarray(scenes.mask)])
     pose = np.concatenate(x)
     for column, half in ((0, 0.92), (1, 0.32), (2, np.pi)):
