@@ -3,7 +3,7 @@
 #   make train      set up, then learn both layers in minutes and evaluate them
 #   make test       set up for development, then lint, types and fast tests
 #   make test-all   the fast tests on every interpreter found among VERSIONS
-#   make bench      every script in benchmarks/
+#   make bench      the scripts in benchmarks/; with RUN_DIR=runs/NAME also those that need trained weights
 #   make clean      remove environments, caches and build outputs (never runs/)
 #
 # PYTHON=/path/to/python chooses the interpreter of a new environment, VENV=directory where it goes, ARGS="--seed 3"
@@ -47,8 +47,14 @@ test-on-%:
 	if [ -z "$$python" ]; then echo "Python $*: not found, not tested"; \
 	else echo "Python $*: $$python"; $(MAKE) --no-print-directory fast-tests PYTHON="$$python" VENV=.venv-$*; fi
 
-bench: $(VENV)/benchmarks.stamp
-	set -e; for script in $(sort $(wildcard benchmarks/*.py)); do echo "$$script"; $(RUN) "$$script" $(ARGS); done
+bench: $(VENV)/package.stamp
+	set -e; for name in inverse_kinematics navigation picks; do echo "$$name"; $(RUN) -m benchmarks.$$name $(ARGS); done
+	$(RUN) -m benchmarks.sequence_training $(if $(RUN_DIR),--weights $(RUN_DIR)/weights/base_pose.weights) $(ARGS)
+ifdef RUN_DIR
+	$(RUN) -m benchmarks.orders --weights $(RUN_DIR)/weights/basenet.weights $(ARGS)
+else
+	@echo "orders: left out, it needs a trained run: make bench RUN_DIR=runs/NAME"
+endif
 
 clean:
 	rm -rf .venv .venv-* build dist *.egg-info .pytest_cache .ruff_cache .hypothesis .jax_cache
@@ -67,8 +73,4 @@ $(VENV)/package.stamp: pyproject.toml | $(RUN)
 
 $(VENV)/test.stamp: pyproject.toml | $(RUN)
 	$(PIP) --editable ".[test]"
-	touch $@ $(VENV)/package.stamp
-
-$(VENV)/benchmarks.stamp: pyproject.toml | $(RUN)
-	$(PIP) --editable ".[benchmarks]"
 	touch $@ $(VENV)/package.stamp

@@ -4,7 +4,7 @@ import hypothesis
 import jax
 import pytest
 
-from basenet_jax.robot.model import load_robot
+from basenet_jax.robot.reading import load_robot
 from basenet_jax.world.scene import Table
 
 jax.config.update("jax_compilation_cache_dir", str(Path(__file__).parents[1] / ".jax_cache"))

@@ -12,7 +12,8 @@ from basenet_jax.learning.run_directory import RunDirectory
 from basenet_jax.learning.sac import Sac
 from basenet_jax.learning.training_loop import run_intervals
 from basenet_jax.policies.base_pose import BasePosePolicy
-from basenet_jax.robot.model import Robot, load_robot
+from basenet_jax.robot.model import Robot
+from basenet_jax.robot.reading import load_robot
 from basenet_jax.weights_file import load_weights, save_weights
 
 Layer = Literal["base-pose", "sequence", "all"]

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import yaml
 
-from basenet_jax.robot.model import load_robot, packaged_robots, read_robot
+from basenet_jax.robot.reading import load_robot, packaged_robots, read_robot
 from tests.oracles import arm as oracle
 
 

@@ -1,5 +1,7 @@
 """Random scenes obey the sampling rules, for every number of objects."""
 
+import dataclasses
+
 import chex
 import jax
 import jax.numpy as jnp
@@ -58,7 +60,8 @@ def test_grasps_stand_where_the_design_says():
     table = Table.from_config()
     scene, _ = draw_scene(jax.random.key(0), 1, table, slots=1)
     mug = OBJECT_CLASSES[3]
-    scene = scene.replace(
+    scene = dataclasses.replace(
+        scene,
         object_pose=jnp.array([[0.0, 0.0, jnp.pi / 2]]),
         object_size=jnp.array([mug.size]),
         object_grasp=jnp.array([[mug.grasp_x, mug.grasp_z, mug.grasp_yaw]]),

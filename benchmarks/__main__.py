@@ -1,0 +1,32 @@
+"""Runs every benchmark at a tiny size, to see that all of them work: `python -m benchmarks`.
+
+The figures mean nothing. `training_memory` is left out: it trains for minutes.
+"""
+
+import importlib
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+SCRIPTS = ("inverse_kinematics", "navigation", "picks", "sequence_training", "orders")
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Runs every benchmark at a tiny size and says what each writes."""
+
+    out: Path | None = None
+    """Folder for the results, one file NAME.json each. Default: nothing is written."""
+
+
+def main(arguments: list[str] | None = None) -> None:
+    options = tyro.cli(Arguments, args=arguments, prog="python -m benchmarks", description=__doc__)
+    for name in SCRIPTS:
+        written = ["--out", str(options.out / f"{name}.json")] if options.out else []
+        importlib.import_module(f"benchmarks.{name}").main(["--quick", *written])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,93 @@
+"""Where a result was measured: machine, versions, commit and command, without any absolute path."""
+
+import hashlib
+import os
+import platform
+import shlex
+import subprocess
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import jax
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = ("jax", "jaxlib", "mujoco", "mujoco-mjx", "brax", "flax", "optax", "numpy", "scipy")
+
+
+def hardware() -> dict[str, Any]:
+    """CPU, cores this process may use, memory, and the accelerator; starts JAX's backend."""
+    device = jax.devices()[0]
+    affinity = getattr(os, "sched_getaffinity", None)  # not on macOS
+    return {
+        "cpu": _cpu_model(),
+        "cores": os.cpu_count(),
+        "cores_usable": len(affinity(0)) if affinity else os.cpu_count(),
+        "memory_gib": _memory_gib(),
+        "accelerator": None if device.platform == "cpu" else device.device_kind,
+        "devices": jax.device_count(),
+        "system": f"{platform.system()} {platform.machine()}",
+    }
+
+
+def versions() -> dict[str, str]:
+    """Of Python and the packages that results depend on."""
+    return {"python": platform.python_version()} | {name: metadata.version(name) for name in PACKAGES}
+
+
+def commit() -> dict[str, Any]:
+    """The hash, and whether anything but benchmark results differs from it; nulls outside a checkout."""
+    head = _git("rev-parse", "HEAD")
+    changes = _git("status", "--porcelain", "--", ".", ":(exclude)benchmarks/results")
+    return {"hash": head, "dirty": None if changes is None else bool(changes)}
+
+
+def command(module: str, arguments: list[str]) -> str:
+    """The command line, to be typed in the repository's root."""
+    return shlex.join(["python", "-m", module, *map(portable_argument, arguments)])
+
+
+def portable(path: str | os.PathLike[str]) -> str:
+    """A path without the machine's part: relative to the repository where it lies inside, else its last two names."""
+    given = Path(path)
+    if not given.is_absolute():
+        return given.as_posix()
+    resolved = given.resolve()
+    if resolved.is_relative_to(ROOT):
+        return resolved.relative_to(ROOT).as_posix()
+    return Path(*resolved.parts[-2:] if len(resolved.parts) > 2 else resolved.parts[-1:]).as_posix()
+
+
+def portable_argument(argument: str) -> str:
+    """An argument of a command line (`--name`, `value` or `--name=value`) with its path, if it is one, made portable."""
+    name, separator, value = argument.rpartition("=")
+    return f"{name}{separator}{portable(value)}" if Path(value).is_absolute() else argument
+
+
+def fingerprint(path: Path) -> dict[str, str]:
+    """What identifies a file of weights: its portable path and its SHA-256."""
+    return {"file": portable(path), "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
+
+
+def _cpu_model() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(names, platform.machine())
+
+
+def _memory_gib() -> float | None:
+    try:
+        return round(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 2**30, 1)
+    except (AttributeError, ValueError, OSError):
+        return None
+
+
+def _git(*arguments: str) -> str | None:
+    try:
+        result = subprocess.run(["git", *arguments], cwd=ROOT, capture_output=True, text=True, check=False)
+    except OSError:
+        return None
+    return result.stdout.strip() if result.returncode == 0 else None

@@ -1,0 +1,161 @@
+"""The train command: what it refuses, what it leaves behind, and that a killed run ends like one that wasn't."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basenet_jax import train
+from tests import tiny_training
+
+ROOT = Path(__file__).parents[1]
+SIZES = ["--objects", "3", "--seed", "5"]
+
+
+def call(capsys, *arguments):
+    """Exit code, stdout and stderr of the command."""
+    try:
+        code = tiny_training.main(list(arguments))
+    except SystemExit as end:  # tyro ends so on --help and wrong options
+        code = end.code
+    return code, *capsys.readouterr()
+
+
+def weights_of(run):
+    return {file.name: file.read_bytes() for file in (run / "weights").iterdir()}
+
+
+def records_of(run):
+    return [json.loads(line) for line in (run / "metrics.jsonl").read_text().splitlines()]
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """A whole tiny training."""
+    run = tmp_path_factory.mktemp("runs") / "finished"
+    command = [sys.executable, "-m", "tests.tiny_training", *SIZES, "--run-dir", str(run)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return run, done
+
+
+@pytest.mark.parametrize("objects", ["0", "51", "-3"])
+def test_a_number_of_objects_out_of_range_is_refused(capsys, objects):
+    code, out, err = call(capsys, "--objects", objects)
+    assert (code, out) == (2, "")
+    assert err == f"basenet_jax.train: --objects: found {objects}, allowed are 1 to 50\n"
+
+
+def test_an_unknown_preset_is_refused_and_the_known_ones_named(capsys):
+    code, out, err = call(capsys, "--preset", "fast")
+    assert (code, out) == (2, "")
+    assert all(word in err for word in ("fast", "quick", "default", "paper"))
+
+
+def test_resume_needs_a_directory_that_holds_a_run(capsys, tmp_path):
+    code, _, err = call(capsys, "--resume")
+    assert code == 2
+    assert "--run-dir" in err
+    code, _, err = call(capsys, "--resume", "--run-dir", str(tmp_path / "none"))
+    assert code == 2
+    assert "no run to resume" in err
+
+
+def test_help_teaches(capsys):
+    code, out, _ = call(capsys, "--help")
+    assert code == 0
+    assert all(word in out for word in ("--objects", "--preset", "--resume", "default: 10", "seconds"))
+
+
+def test_a_training_leaves_what_it_should(finished):
+    run, done = finished
+    for name in ("config.json", "metrics.jsonl", "summary.json", "checkpoints", "weights", "tensorboard"):
+        assert (run / name).exists(), name
+    summary = json.loads((run / "summary.json").read_text())
+    assert 0.0 <= summary["single_pick_success"] <= 1.0
+    assert set(summary["orders"]["2"]) == {"learned", "nearest", "random"}
+    layers = [(record["layer"], record["interval"]) for record in records_of(run)]
+    assert layers == [("base-pose", i) for i in range(1, 5)] + [("sequence", i) for i in range(1, 5)]
+    assert "single-pick success" in done.stdout
+    assert "warp" not in done.stdout, "chatter of an import"
+    assert "base-pose: 4/4" in done.stderr
+
+
+def test_a_finished_run_is_not_trained_over(capsys, finished):
+    run, _ = finished
+    before = weights_of(run)
+    code, _, err = call(capsys, *SIZES, "--run-dir", str(run))
+    assert code == 2
+    assert "holds a run already" in err
+    assert weights_of(run) == before
+
+
+def test_resuming_with_other_settings_is_refused_by_name(capsys, finished):
+    run, _ = finished
+    code, _, err = call(capsys, "--objects", "4", "--seed", "5", "--run-dir", str(run), "--resume")
+    assert code == 2
+    assert "reinforce.objects" in err
+
+
+def test_a_run_killed_twice_and_resumed_ends_bit_for_bit_the_same(finished, tmp_path):
+    reference, _ = finished
+    run = tmp_path / "killed"
+    command = [sys.executable, "-m", "tests.tiny_training", *SIZES, "--run-dir", str(run)]
+    for layer, interval in (("base-pose", 2), ("sequence", 1)):
+        process = subprocess.Popen(
+            [*command, "--resume"] if run.exists() else command, cwd=ROOT, stderr=subprocess.DEVNULL
+        )
+        deadline = time.monotonic() + 300
+        while not any((run / "checkpoints" / layer).glob(f"{interval:06d}*")):
+            assert process.poll() is None, "it ended before it could be killed"
+            assert time.monotonic() < deadline
+            time.sleep(0.002)
+        process.send_signal(signal.SIGKILL)
+        assert process.wait() == -signal.SIGKILL
+    subprocess.run([*command, "--resume"], cwd=ROOT, check=True, capture_output=True)
+    assert weights_of(run) == weights_of(reference)
+    assert records_of(run) == records_of(reference)
+    assert json.loads((run / "summary.json").read_text()) == json.loads((reference / "summary.json").read_text())
+
+
+def test_a_loss_that_is_no_number_stops_the_training_and_is_named(capsys, monkeypatch, tmp_path):
+    from basenet_jax.learning.sac import Sac
+
+    def poisoned(self, state):
+        return state, {"critic_loss": np.float32("nan"), "success": np.float32(0.5)}
+
+    monkeypatch.setattr(Sac, "interval", poisoned)
+    code, _, err = call(capsys, *SIZES, "--run-dir", str(tmp_path / "run"))
+    assert code == 1
+    assert "critic_loss is nan" in err
+
+
+def test_a_base_pose_layer_can_be_trained_alone_and_the_sequence_later(capsys, tmp_path, finished):
+    reference, _ = finished
+    run = tmp_path / "layered"
+    code, out, _ = call(capsys, *SIZES, "--run-dir", str(run), "--layer", "base-pose")
+    assert code == 0
+    assert "single-pick success" in out
+    assert set(weights_of(run)) == {"base_pose.weights"}
+    code, _, err = call(capsys, *SIZES, "--run-dir", str(run), "--layer", "sequence", "--resume")
+    assert code == 0, err
+    assert weights_of(run) == weights_of(reference)
+
+
+def test_the_sequence_alone_needs_base_pose_weights(capsys, tmp_path):
+    code, _, err = call(capsys, *SIZES, "--run-dir", str(tmp_path / "run"), "--layer", "sequence")
+    assert code == 2
+    assert "base_pose.weights" in err
+
+
+def test_main_module_is_the_command():
+    assert train.Arguments.__doc__
+    done = subprocess.run(
+        [sys.executable, "-m", "basenet_jax.train", "--objects", "0"], capture_output=True, check=False
+    )
+    assert done.returncode == 2

@@ -1,0 +1,48 @@
+"""`python -m tests.tiny_training ARGUMENTS`: the train command with every size made tiny, for the tests of it."""
+
+import sys
+from pathlib import Path
+
+import jax
+
+from basenet_jax import config, train
+from basenet_jax.config import ReinforceConfig, SacConfig, TrainConfig
+
+CACHE = Path(__file__).parents[1] / ".jax_cache"
+
+
+def tiny_preset(preset, *, objects, seed):
+    sac = SacConfig(
+        hidden=(32, 32),
+        episodes_per_iteration=64,
+        updates_per_iteration=4,
+        batch_size=64,
+        replay_size=512,
+        iterations_per_interval=3,
+        intervals=4,
+        evaluation_problems=64,
+    )
+    reinforce = ReinforceConfig(
+        objects=objects,
+        features=8,
+        layers=2,
+        episodes_per_update=8,
+        updates_per_interval=2,
+        intervals=4,
+        test_episodes=16,
+        evaluation_scenes=8,
+    )
+    return TrainConfig(
+        preset=preset, seed=seed, sac=sac, reinforce=reinforce, evaluation_objects=(2,), evaluation_scenes=4
+    )
+
+
+def main(arguments):
+    jax.config.update("jax_compilation_cache_dir", str(CACHE))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.3)
+    config.make_preset = tiny_preset
+    return train.main(arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
