@@ -1,1 +1,79 @@
-"""Base-pose sequence planning for mobile manipulators, trained and solved in JAX."""
+"""Base-pose sequence planning for mobile manipulators, trained and solved in JAX.
+
+The public names are loaded when they are first used, so that importing the package costs nothing.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from basenet_jax.config import TrainConfig as TrainConfig
+    from basenet_jax.config import WorldConfig as WorldConfig
+    from basenet_jax.config import make_preset as make_preset
+    from basenet_jax.learning.base_pose_env import BasePoseEnv as BasePoseEnv
+    from basenet_jax.plots import plot_plan as plot_plan
+    from basenet_jax.robot.ik import solve_ik as solve_ik
+    from basenet_jax.robot.kinematics import forward_kinematics as forward_kinematics
+    from basenet_jax.robot.kinematics import geometric_jacobian as geometric_jacobian
+    from basenet_jax.robot.model import Robot as Robot
+    from basenet_jax.robot.reading import load_robot as load_robot
+    from basenet_jax.task.navigation import navigation_time as navigation_time
+    from basenet_jax.task.picking import Reason as Reason
+    from basenet_jax.task.picking import pick as pick
+    from basenet_jax.task.plan import Plan as Plan
+    from basenet_jax.task.plan import execute as execute
+    from basenet_jax.world.generate import draw_scene as draw_scene
+    from basenet_jax.world.scene import Scene as Scene
+    from basenet_jax.world.scene import Table as Table
+
+_MODULES = {
+    "BasePoseEnv": "learning.base_pose_env",
+    "Plan": "task.plan",
+    "Reason": "task.picking",
+    "Robot": "robot.model",
+    "Scene": "world.scene",
+    "Table": "world.scene",
+    "TrainConfig": "config",
+    "WorldConfig": "config",
+    "draw_scene": "world.generate",
+    "execute": "task.plan",
+    "forward_kinematics": "robot.kinematics",
+    "geometric_jacobian": "robot.kinematics",
+    "load_robot": "robot.reading",
+    "make_preset": "config",
+    "navigation_time": "task.navigation",
+    "pick": "task.picking",
+    "plot_plan": "plots",
+    "solve_ik": "robot.ik",
+}
+
+__all__ = [
+    "BasePoseEnv",
+    "Plan",
+    "Reason",
+    "Robot",
+    "Scene",
+    "Table",
+    "TrainConfig",
+    "WorldConfig",
+    "draw_scene",
+    "execute",
+    "forward_kinematics",
+    "geometric_jacobian",
+    "load_robot",
+    "make_preset",
+    "navigation_time",
+    "pick",
+    "plot_plan",
+    "solve_ik",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f"{__name__}.{_MODULES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_MODULES])

@@ -59,7 +59,7 @@ def portable(path: str | os.PathLike[str]) -> str:
 
 
 def portable_argument(argument: str) -> str:
-    """An argument of a command line (`--name`, `value` or `--name=value`) with its path, if it is one, made portable."""
+    """An argument of a command line (`--name`, `value` or `--name=value`) with any absolute path made portable."""
     name, separator, value = argument.rpartition("=")
     return f"{name}{separator}{portable(value)}" if Path(value).is_absolute() else argument
 

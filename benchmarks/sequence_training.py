@@ -29,6 +29,7 @@ from benchmarks.trained import load_base_pose
 NAME = "sequence_training"
 UPDATES_PER_RUN = 5  # of REINFORCE, where updates are timed alone
 ITERATIONS_PER_RUN = 20  # of SAC, likewise
+STANDSTILL = 1e-12  # learning rate of SAC with given weights, whose fresh critics would spoil the policy
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,7 +39,7 @@ class TrainingOptions(Options):
     weights: Path | None = None
     """A run's weights/base_pose.weights. Default: an untrained policy of the same size."""
     intervals: bool = True
-    """Also time whole intervals (each takes about a minute on two CPU cores)."""
+    """Also time whole intervals, which takes most of the time."""
 
 
 class AllObjects(Reinforce):
@@ -54,13 +55,23 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     arguments = sys.argv[1:] if arguments is None else arguments
     options = parse(TrainingOptions, NAME, __doc__, arguments)
     report = Report(NAME, options, arguments)
-    training = Training(_tiny() if options.quick else TrainConfig())
+    training = Training(_config(options))
     key = jax.random.key(options.seed)
-    base_pose, source = load_base_pose(options.weights, training, key)
+    try:
+        base_pose, source = load_base_pose(options.weights, training, key)
+    except ValueError as error:
+        raise SystemExit(f"{NAME}: {error}") from error
     results = _reinforce(training, base_pose, key, options)
     results += _sac(training.sac, base_pose if options.weights else None, key, options)
     table = speed_table("Training", results, "objects", "part", "driven_to", "success")
     return report.finish(results, table=table, weights=source)
+
+
+def _config(options: TrainingOptions) -> TrainConfig:
+    config = _tiny() if options.quick else TrainConfig()
+    if options.weights is None:
+        return config
+    return dataclasses.replace(config, sac=dataclasses.replace(config.sac, learning_rate=STANDSTILL))
 
 
 def _tiny() -> TrainConfig:

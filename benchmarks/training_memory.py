@@ -1,7 +1,8 @@
 """Wall time and peak memory of a whole training, measured from outside, with the results it came to.
 
 `python -m benchmarks.training_memory -- --preset quick --objects 10` runs `python -m basenet_jax.train` with what
-stands after `--` as a child, compilation without any cache included. Memory is the child's largest resident set.
+stands after `--` as a child, compilation without any cache included. Memory is the child's largest resident set; on
+Linux a child is never given less than the process that started it has.
 """
 
 import json

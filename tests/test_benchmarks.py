@@ -99,7 +99,8 @@ pathlib.Path(sys.argv[-1], "summary.json").write_text('{"single_pick_success": 0
     monkeypatch.setattr(training_memory, "TRAIN", (sys.executable, "-c", script))
     out = ["--quick", "--out", str(tmp_path / "memory.json")]
     (result,) = training_memory.main([*out, "--", "--preset", "quick", "--run-dir", str(tmp_path)])["results"]
-    assert 600_000_000 / 2**30 < result["peak_memory_gib"] < 600_000_000 / 2**30 + 0.5
+    # Above it is open: on Linux a child's figure is at least the size of the process that started it.
+    assert 600_000_000 / 2**30 < result["peak_memory_gib"] < 100
     assert result["wall_s"] > 0
     assert result["summary"] == {"single_pick_success": 0.5}
     assert not MACHINE_PATH.search((tmp_path / "memory.json").read_text(encoding="utf-8"))

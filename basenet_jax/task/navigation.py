@@ -1,12 +1,13 @@
 """How long the base drives from pose to pose: round the table, by turning, driving and turning."""
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.typing import ArrayLike
 from jaxtyping import Float
 
 from basenet_jax.config import NavigationConfig
@@ -53,6 +54,31 @@ def navigation_time(
     return jnp.where(same, 0.0, time)
 
 
+def navigation_path(
+    robot: Robot,
+    start: ArrayLike,
+    goal: ArrayLike,
+    table: Table,
+    config: NavigationConfig = NavigationConfig(),
+) -> Float[np.ndarray, "points 2"]:
+    """The polyline (m, in W) that `navigation_time` is the time of; one drive at a time, for pictures.
+
+    Raises:
+        ValueError: the goal can't be reached.
+    """
+    ends = [np.asarray(start)[:2], np.asarray(goal)[:2]]
+    p, q = components(jnp.asarray(start)), components(jnp.asarray(goal))
+    straight = _leg(robot, p[:2], q[:2], table, config)
+    if config.straight or bool(straight.short):
+        return np.stack(ends)
+    ways = list(_all_ways(_Ways(robot, p, q, straight, *_over_vias(robot, p, q, table, config))))
+    duration, corners = min(((float(time), corners) for time, corners in ways), key=lambda way: way[0])
+    if not np.isfinite(duration):
+        raise ValueError(f"goal: {np.asarray(goal).tolist()} can't be reached from {np.asarray(start).tolist()}")
+    half = np.asarray(table.half_size) + config.via_margin_m
+    return np.stack([ends[0], *(_CORNERS[corner] * half for corner in corners), ends[1]])
+
+
 _Point = Sequence[Array | np.ndarray]  # x, y
 
 
@@ -91,19 +117,22 @@ def _over_vias(robot: Robot, p: Vector, q: Vector, table: Table, config: Navigat
 def _least_way(ways: _Ways) -> Array:
     """The least duration over all allowed ways, in both gears."""
     best = jnp.inf
+    for duration, _ in _all_ways(ways):
+        best = jnp.minimum(best, duration)
+    return jnp.asarray(best)
+
+
+def _all_ways(ways: _Ways) -> Iterator[tuple[Array, tuple[int, ...]]]:
+    """Yields the duration of every way, infinite if not allowed, and the corners that it goes over."""
     for gear in (0.0, jnp.pi):  # forward, reverse: the base's heading is opposite to the direction of travel
-        best = jnp.minimum(best, _duration(ways, gear, [ways.straight]))
+        yield _duration(ways, gear, [ways.straight]), ()
         for via in range(4):
-            legs = [_at(ways.outward, via), _at(ways.inward, via)]
-            best = jnp.minimum(best, _duration(ways, gear, legs))
             following = (via + 1) % 4
             edge = _at(ways.round, via)
-            legs = [_at(ways.outward, via), edge, _at(ways.inward, following)]
-            best = jnp.minimum(best, _duration(ways, gear, legs))
             back = edge._replace(direction=edge.direction + jnp.pi)
-            legs = [_at(ways.outward, following), back, _at(ways.inward, via)]
-            best = jnp.minimum(best, _duration(ways, gear, legs))
-    return best
+            yield _duration(ways, gear, [_at(ways.outward, via), _at(ways.inward, via)]), (via,)
+            yield _duration(ways, gear, [_at(ways.outward, via), edge, _at(ways.inward, following)]), (via, following)
+            yield _duration(ways, gear, [_at(ways.outward, following), back, _at(ways.inward, via)]), (following, via)
 
 
 def _at(legs: _Leg, via: int) -> _Leg:

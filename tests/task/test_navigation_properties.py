@@ -1,5 +1,7 @@
 """Symmetries and bounds of navigation times, batches, tracing and derivatives."""
 
+import itertools
+
 import chex
 import jax
 import jax.numpy as jnp
@@ -9,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from basenet_jax.config import NavigationConfig
-from basenet_jax.task.navigation import navigation_time
+from basenet_jax.robot.timing import trapezoid_duration
+from basenet_jax.task.navigation import navigation_path, navigation_time
 from basenet_jax.world.scene import Table
 from tests.task.navigation_pairs import FLOAT32_BOUND, compiled, navigate, on_the_edge, sample_pairs
 
@@ -95,3 +98,28 @@ def test_any_free_pair_is_reachable(robot, table, data):
     time = navigate(robot, table, start, goal)[0]
     # At most: two vias, three drives of 6.1 m and four turns of pi.
     assert 0.0 <= time < 3 * (6.1 / 0.5 + 1.0) + 4 * (np.pi / 0.5 + 0.5)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_path_is_the_one_that_takes_the_navigation_time(robot, table, seed):
+    """Driven leg by leg as straight drives with turns in between, it takes what `navigation_time` says."""
+    rng = np.random.default_rng(seed)
+    sides = np.array([[1, -1], [-1, 1]]) * np.array([1.0, 1.1])
+    p, q = (np.array([*(side * rng.uniform(0.9, 1.5, 2)), rng.uniform(-3, 3)]) for side in sides)
+    path = navigation_path(robot, p, q, table)
+    np.testing.assert_allclose(path[[0, -1]], [p[:2], q[:2]], atol=1e-6)
+    expected = float(navigation_time(robot, jnp.asarray(p), jnp.asarray(q), table))
+    legs = np.diff(path, axis=0)
+    directions = np.arctan2(legs[:, 1], legs[:, 0])
+    times = []
+    for gear in (0.0, np.pi):
+        headings = [p[2], *(directions + gear), q[2]]
+        turns = [(b - a + np.pi) % (2 * np.pi) - np.pi for a, b in itertools.pairwise(headings)]
+        drives = sum(float(trapezoid_duration(jnp.hypot(*leg), 0.5, 0.5)) for leg in legs)
+        times.append(drives + sum(float(trapezoid_duration(jnp.asarray(turn), 0.5, 1.0)) for turn in turns))
+    assert min(times) == pytest.approx(expected, abs=5e-3)
+
+
+def test_a_path_to_nowhere_is_refused(robot, table):
+    with pytest.raises(ValueError, match="can't be reached"):
+        navigation_path(robot, np.array([2.0, 1.0, 0.0]), np.array([0.0, 0.0, 0.0]), table)
