@@ -82,7 +82,14 @@ def test_gradient_is_that_of_the_expected_cost_by_enumeration(learner):
 
 def test_training_lowers_the_cost_and_swaps_the_baseline(robot):
     config = dataclasses.replace(
-        TINY, objects=4, episodes_per_update=64, updates_per_interval=30, learning_rate=5e-3, evaluation_scenes=256
+        TINY,
+        objects=4,
+        episodes_per_update=128,
+        updates_per_interval=40,
+        learning_rate=5e-3,
+        final_learning_rate_share=1.0,
+        test_episodes=1024,  # enough for the t-test to see a gain of a second
+        evaluation_scenes=256,
     )
     learner = Reinforce(robot, parking_policy(), config, WorldConfig())
     state = learner.init(jax.random.key(3))
