@@ -29,9 +29,9 @@ TINY = ReinforceConfig(
 
 
 def parking_policy():
-    """Parks beside the table, at a heading that depends on where the robot is: actions straight from the inputs."""
+    """Parks opposite the grasp on its side of the table, headed towards where the robot is; no hidden layers."""
     kernel = np.zeros((15, 8), np.float32)
-    kernel[1, 1] = 4.0
+    kernel[0, 0], kernel[1, 1] = 0.5, 1e3
     kernel[3, 2] = kernel[4, 3] = 1.0
     return BasePosePolicy(
         (jnp.asarray(kernel),), (jnp.array([0.1, 0.0, 0.2, 0.1, 0, 0, 0, 0.0]),), jnp.zeros(15), jnp.ones(15), "table"
@@ -100,7 +100,7 @@ def test_training_lowers_the_cost_and_swaps_the_baseline(robot):
     metrics = learner.evaluate(state.params)
     assert float(metrics["navigation_time"]) < float(start["navigation_time"])
     assert int(state.swaps) >= 1
-    assert int(state.update) == 90
+    assert int(state.update) == 120
     chex.assert_tree_all_finite(state.params)
 
 
