@@ -108,6 +108,6 @@ def test_machine_paths_are_found(text):
     assert MACHINE_PATH.search(text.replace("{}", "/"))
 
 
-@pytest.mark.parametrize("text", ["docs/home/page", "https://example.org/work/", "a/tmp/b", "{home}/x", "work/main"])
+@pytest.mark.parametrize("text", ["docs/home/page", "https://example.org/home/", "a/tmp/b", "{home}/x", "home/main"])
 def test_other_paths_are_not(text):
     assert not MACHINE_PATH.search(text)
