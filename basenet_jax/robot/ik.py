@@ -1,6 +1,7 @@
 """Inverse kinematics by damped least squares, for any serial arm, in batches."""
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -26,6 +27,8 @@ from basenet_jax.trigonometry import atan2
 # the steps stay short, near it the method becomes Gauss-Newton's.
 DAMPING = 1e-6
 MAX_STEP = 0.5
+# Poses solved at a time: their Jacobians stay in a CPU core's cache (65,536 at once take five times as long).
+CHUNK = 8192
 
 
 class IKSolution(NamedTuple):
@@ -61,12 +64,46 @@ def solve_ik(
     Returns:
         The last iterate, its errors, and whether they are within the tolerances.
     """
+    batch = jnp.broadcast_shapes(position.shape[:-1], rotation.shape[:-2], seed.shape[:-1])
+    problem = (position, rotation, seed)
+    flat = [
+        jnp.broadcast_to(x, batch + own).reshape(-1, *own)
+        for x, own in zip(problem, ((3,), (3, 3), (robot.dof,)), strict=True)
+    ]
+
+    def solve(part: tuple[Array, ...]) -> IKSolution:
+        return _solve_chunk(robot, *part, iterations, position_tolerance, orientation_tolerance)
+
+    solution = _in_chunks(solve, flat)
+    return jax.tree.map(lambda x: x.reshape(batch + x.shape[1:]), solution)
+
+
+def _in_chunks(solve: Callable[[Any], IKSolution], problem: list[Array]) -> IKSolution:
+    """Solves up to `CHUNK` poses of a flat batch at a time; the last chunk is filled up with copies of a pose."""
+    count = len(problem[0])
+    if count <= CHUNK:
+        return solve(problem)
+    chunks = -(-count // CHUNK)
+    index = jnp.minimum(jnp.arange(chunks * CHUNK), count - 1)
+    parts = [x[index].reshape(chunks, CHUNK, *x.shape[1:]) for x in problem]
+    return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:])[:count], jax.lax.map(solve, parts))
+
+
+def _solve_chunk(
+    robot: Robot,
+    position: Float[Array, "batch 3"],
+    rotation: Float[Array, "batch 3 3"],
+    seed: Float[Array, "batch dof"],
+    iterations: int,
+    position_tolerance: float,
+    orientation_tolerance: float,
+) -> IKSolution:
     columns = (tuple(rotation[..., row, column] for row in range(3)) for column in range(3))
     target = Frame(*columns, origin=components(position))
-    joints = damped_least_squares(robot, target, jnp.moveaxis(seed, -1, 0), iterations)
+    joints = damped_least_squares(robot, target, seed.T, iterations)
     position_error, orientation_error = residual(robot, target, joints)
     converged = (position_error <= position_tolerance) & (orientation_error <= orientation_tolerance)
-    return IKSolution(jnp.moveaxis(joints, 0, -1), position_error, orientation_error, converged)
+    return IKSolution(joints.T, position_error, orientation_error, converged)
 
 
 def damped_least_squares(
