@@ -61,8 +61,17 @@ class SceneConfig:
 
 
 @dataclass(frozen=True)
+class GridConfig:
+    """The grid of base poses that the classical planners choose from (paper: 10 cm, 45 degrees)."""
+
+    step_m: float = 0.10  # x and y are integer multiples
+    turns: int = 8  # headings are integer multiples of a full turn by this
+    half_size_m: tuple[float, float] = (2.2, 1.6)  # the grid covers |x| and |y| up to these
+
+
+@dataclass(frozen=True)
 class WorldConfig:
-    """All of the above."""
+    """All of the above but the grid, which is a planner's."""
 
     table: TableConfig = field(default_factory=TableConfig)
     navigation: NavigationConfig = field(default_factory=NavigationConfig)

@@ -23,6 +23,7 @@ LAYERS = (
     ("learning",),
     ("evaluation",),
     ("plots",),
+    ("api",),
     ("train", "evaluate", "plan", "generate"),
 )
 LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}

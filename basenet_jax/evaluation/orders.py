@@ -9,9 +9,9 @@ import numpy as np
 from jax import Array
 
 from basenet_jax.config import WorldConfig
-from basenet_jax.learning.pickup import Choose, PickupState, as_plan, choose_nearest, choose_random, rollout
 from basenet_jax.policies.base_pose import BasePosePolicy
 from basenet_jax.policies.grasp_sequence import GraspSequencePolicy
+from basenet_jax.policies.pickup import Choose, PickupState, as_plan, choose_nearest, choose_random, rollout
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.plan import Outcome, execute
 from basenet_jax.world.generate import draw_scene

@@ -15,9 +15,9 @@ from flax import struct
 from jax import Array
 
 from basenet_jax.config import ReinforceConfig, WorldConfig
-from basenet_jax.learning.pickup import PickupState, PickupStep, choose_nearest, episode_cost, rollout
 from basenet_jax.policies.base_pose import BasePosePolicy
 from basenet_jax.policies.grasp_sequence import GraspSequencePolicy
+from basenet_jax.policies.pickup import PickupState, PickupStep, choose_nearest, episode_cost, rollout
 from basenet_jax.robot.model import Robot
 from basenet_jax.world.generate import draw_scene
 from basenet_jax.world.scene import Scene, Table

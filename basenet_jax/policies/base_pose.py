@@ -1,5 +1,7 @@
 """The base-pose policy: where to park the base to grasp one object (layer 2 of the paper)."""
 
+import itertools
+from collections.abc import Sequence
 from typing import Literal
 
 import jax
@@ -41,6 +43,19 @@ class BasePosePolicy:
             hidden = jax.nn.relu(hidden @ kernel + bias)
         output = hidden @ self.kernels[-1] + self.biases[-1]
         return base_pose_from_action(jnp.tanh(output[..., :ACTION_SIZE]), grasp, self.frame)
+
+
+def untrained_policy(hidden: Sequence[int], frame: BaseFrame = "object") -> BasePosePolicy:
+    """A policy of zeros with hidden layers of these sizes, for its shapes: see `load_weights`."""
+    sizes = (OBSERVATION_SIZE, *hidden, 2 * ACTION_SIZE)  # the actor's last layer gives mean and spread
+    layers = list(itertools.pairwise(sizes))
+    return BasePosePolicy(
+        kernels=tuple(jnp.zeros(shape) for shape in layers),
+        biases=tuple(jnp.zeros(shape[1]) for shape in layers),
+        mean=jnp.zeros(OBSERVATION_SIZE),
+        std=jnp.ones(OBSERVATION_SIZE),
+        frame=frame,
+    )
 
 
 def observe(grasp: Float[Array, "*batch 4"], robot_pose: Float[Array, "*batch 3"]) -> Float[Array, "*batch 15"]:

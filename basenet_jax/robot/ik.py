@@ -1,7 +1,7 @@
 """Inverse kinematics by damped least squares, for any serial arm, in batches."""
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -66,19 +66,18 @@ def solve_ik(
     """
     batch = jnp.broadcast_shapes(position.shape[:-1], rotation.shape[:-2], seed.shape[:-1])
     problem = (position, rotation, seed)
-    flat = [
-        jnp.broadcast_to(x, batch + own).reshape(-1, *own)
-        for x, own in zip(problem, ((3,), (3, 3), (robot.dof,)), strict=True)
-    ]
+    shapes = ((3,), (3, 3), (robot.dof,))
+    flat = [jnp.broadcast_to(x, batch + own).reshape(-1, *own) for x, own in zip(problem, shapes, strict=True)]
 
-    def solve(part: tuple[Array, ...]) -> IKSolution:
-        return _solve_chunk(robot, *part, iterations, position_tolerance, orientation_tolerance)
+    def solve(part: list[Array]) -> IKSolution:
+        position, rotation, seed = part
+        return _solve_chunk(robot, position, rotation, seed, iterations, position_tolerance, orientation_tolerance)
 
     solution = _in_chunks(solve, flat)
     return jax.tree.map(lambda x: x.reshape(batch + x.shape[1:]), solution)
 
 
-def _in_chunks(solve: Callable[[Any], IKSolution], problem: list[Array]) -> IKSolution:
+def _in_chunks(solve: Callable[[list[Array]], IKSolution], problem: list[Array]) -> IKSolution:
     """Solves up to `CHUNK` poses of a flat batch at a time; the last chunk is filled up with copies of a pose."""
     count = len(problem[0])
     if count <= CHUNK:

@@ -67,6 +67,15 @@ class Scene:
         return world_grasp(self.object_pose, self.object_size, self.object_grasp, self.table.height[..., None])
 
 
+@dataclass(frozen=True)
+class NamedScene:
+    """One scene as its user knows it: with a name for each object, in the order of the slots, and for the robot."""
+
+    arrays: Scene  # unbatched; slots beyond the names are empty
+    names: tuple[str, ...]
+    robot: str = "ur5e_mobile"
+
+
 def world_grasp(
     pose: Float[Array, "*batch 3"],
     size: Float[Array, "*batch 3"],

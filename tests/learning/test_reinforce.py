@@ -11,9 +11,9 @@ import pytest
 import scipy.stats
 
 from basenet_jax.config import ReinforceConfig, WorldConfig
-from basenet_jax.learning.pickup import rollout
 from basenet_jax.learning.reinforce import Reinforce, paired_t_test
 from basenet_jax.policies.base_pose import BasePosePolicy
+from basenet_jax.policies.pickup import rollout
 
 TINY = ReinforceConfig(
     objects=3,

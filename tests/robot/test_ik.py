@@ -3,6 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from basenet_jax.robot import ik
 from basenet_jax.robot.ik import damped_least_squares, solve_ik
 from basenet_jax.robot.kinematics import Frame, components, forward_kinematics
 from tests.oracles import arm as oracle
@@ -125,3 +126,13 @@ def test_a_clipped_step_keeps_its_direction(robot, reachable):
     inside = np.abs(free).max(axis=1) < 2.5  # else the joint limits cut in
     scale = np.minimum(0.1 / np.abs(free).max(axis=1, keepdims=True), 1.0)
     np.testing.assert_allclose(clipped[inside], (free * scale)[inside], atol=1e-5)
+
+
+def test_a_large_batch_is_solved_like_its_parts(robot, monkeypatch):
+    monkeypatch.setattr(ik, "CHUNK", 8)
+    seeds = jax.random.uniform(jax.random.key(5), (21, robot.dof), minval=-1.0, maxval=1.0)
+    position, rotation = forward_kinematics(robot, seeds + 0.1)
+    whole = ik.solve_ik(robot, position, rotation, seeds, iterations=5)
+    parts = [ik.solve_ik(robot, position[i], rotation[i], seeds[i], iterations=5) for i in range(21)]
+    np.testing.assert_allclose(whole.joints, np.stack([part.joints for part in parts]), atol=1e-5)
+    assert whole.converged.shape == (21,)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from basenet_jax.config import WorldConfig
-from basenet_jax.learning.pickup import as_plan, choose_nearest, choose_random, episode_cost, rollout
+from basenet_jax.policies.pickup import as_plan, choose_nearest, choose_random, episode_cost, rollout
 from basenet_jax.task.plan import execute
 from basenet_jax.world.generate import draw_scene
 

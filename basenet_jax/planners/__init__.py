@@ -1,0 +1,1 @@
+"""Who plans: the paper's classical planners, exact dynamic programming, and the learned policies."""

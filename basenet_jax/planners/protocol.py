@@ -1,0 +1,87 @@
+"""What every planner has in common."""
+
+import dataclasses
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Protocol
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jaxtyping import Bool, Float, Int
+
+from basenet_jax.config import GridConfig, WorldConfig
+from basenet_jax.planners.candidates import grid_poses
+from basenet_jax.robot.model import Robot
+from basenet_jax.robot.reading import load_robot
+from basenet_jax.task.plan import Plan
+from basenet_jax.world.scene import Scene, Table
+
+
+class Planner(Protocol):
+    """Plans one scene: `planner(scene, key)`; the first call for a number of slots compiles.
+
+    A planner is made for one robot and table, from a `PlannerSetup`.
+    """
+
+    def __call__(self, scene: Scene, key: Array) -> Plan:
+        """A plan for an unbatched scene.
+
+        Args:
+            scene: with the table that the planner was made for.
+            key: consumed by planners that draw random numbers; the others ignore it.
+
+        Raises:
+            PlanningError: the planner can't serve such a scene; the message says what can.
+        """
+        ...
+
+
+class PlanningError(ValueError):
+    """A scene that a planner can't serve, and what to use instead."""
+
+
+@dataclass(frozen=True)
+class PlannerSetup:
+    """What planners are made for, shared by all of one evaluation."""
+
+    robot: Robot = field(default_factory=lambda: jax.device_put(load_robot()))
+    table: Table = field(default_factory=Table.from_config)
+    world: WorldConfig = field(default_factory=WorldConfig)
+    grid: GridConfig = field(default_factory=GridConfig)
+    weights: Path | None = None  # of the learned planners; None: those shipped with the package
+
+    @cached_property
+    def grid_poses(self) -> Float[np.ndarray, "K 3"]:
+        """The grid's base poses (x, y, heading in W) that don't collide with the table."""
+        return grid_poses(self.robot, self.table, self.grid, self.world.pick)
+
+    def with_table(self, table: Table) -> "PlannerSetup":
+        """The same for another table."""
+        return dataclasses.replace(self, table=table)
+
+
+def assemble_plan(
+    scene: Scene, order: Int[np.ndarray, " S"], base_pose: Float[np.ndarray, "S 3"], reason: Int[np.ndarray, " M"]
+) -> Plan:
+    """A plan from its served steps; the scene's other objects follow as unserved steps.
+
+    Args:
+        scene: unbatched.
+        order: slots of the served objects, in the order of the picks.
+        base_pose: where the base parks for each, (x, y, heading) in W.
+        reason: by slot, why it is not served (ignored for served ones).
+    """
+    mask = np.asarray(scene.mask)
+    rest = np.setdiff1d(np.flatnonzero(mask), order)
+    slots = len(mask)
+    index = np.full(slots, -1, np.int32)
+    index[: len(order) + len(rest)] = np.concatenate([order, rest])
+    poses = np.zeros((slots, 3), np.float32)
+    poses[: len(order)] = base_pose
+    reasons = np.zeros(slots, np.int32)
+    reasons[len(order) : len(order) + len(rest)] = np.asarray(reason)[rest]
+    served: Bool[np.ndarray, " M"] = np.arange(slots) < len(order)
+    return Plan(*(jnp.asarray(x) for x in (index, poses, served, reasons)))
