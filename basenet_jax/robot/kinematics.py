@@ -53,6 +53,21 @@ def forward_kinematics(
     return jnp.stack(tool.origin, axis=-1), columns
 
 
+def reach_sphere(robot: Robot) -> tuple[Float[Array, "3"], Float[Array, ""]]:
+    """Centre (m, in the arm's base frame) and radius (m) of a sphere that the tool frame's origin never leaves.
+
+    Links can at best be stretched into a straight line. Where joint 2 sits on the axis of a turning joint 1, joint 1
+    doesn't move it, and the sphere is about joint 2.
+    """
+    offsets = jnp.concatenate([robot.joint_position[1:], robot.tool_position[None]])
+    lengths = jnp.linalg.norm(offsets, axis=-1)
+    travel = jnp.maximum(jnp.abs(robot.joint_lower), jnp.abs(robot.joint_upper))
+    radius = jnp.sum(lengths[1:]) + jnp.sum(jnp.where(jnp.array(robot.prismatic), travel, 0.0))
+    fixed = jnp.hypot(offsets[0, 0], offsets[0, 1]) < 1e-9 if not robot.prismatic[0] else jnp.array(False)
+    center = robot.joint_position[0] + jnp.where(fixed, robot.joint_rotation[0] @ offsets[0], 0.0)
+    return center, radius + jnp.where(fixed, 0.0, lengths[0])
+
+
 def geometric_jacobian(robot: Robot, joints: Float[Array, "*batch dof"]) -> Float[Array, "*batch 6 dof"]:
     """Velocity (m/s, rows 0 to 2) and angular velocity (rad/s, rows 3 to 5) of the tool frame per joint speed.
 

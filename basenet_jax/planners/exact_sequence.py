@@ -1,0 +1,99 @@
+"""The kernel of exact planning: Held and Karp's dynamic programming (1962) with a choice of poses for every object.
+
+`cost[S, p]`, the least cost of having picked the set S with the last pick at pose p, and `arrival[S, q]`, that of
+having picked S and then driven to q, obey
+
+    cost[S, p]    = min_{o in S} arrival[S - o, p] + pick[p, o]
+    arrival[S, q] = min_p cost[S, p] + drive[p, q],    arrival[{}, q] = first drive to q.
+
+The second line is the work: 2^N P^2 sums. Only arrivals are stored; the way back recomputes the costs that it needs.
+A set is the bits of an integer, which is its row in the table.
+"""
+
+import math
+from functools import reduce
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jaxtyping import Float, Int
+
+_SETS_AT_ONCE = 32  # with a thousand poses their costs stay in a CPU core's cache
+_POSES_AT_ONCE = 16  # relaxed in one pass over those: each element is loaded and stored once for many sums
+
+
+def best_sequence(
+    pick_time: Float[Array, "P N"], first_drive: Float[Array, " P"], drive: Float[Array, "P P"]
+) -> tuple[Int[Array, " N"], Int[Array, " N"]]:
+    """The cheapest way to pick all N objects, each from one of P poses.
+
+    Args:
+        pick_time: s; infinite where the pose doesn't serve the object.
+        first_drive: from the robot's start to each pose (s).
+        drive: from pose to pose (s), 0 for staying.
+
+    Returns:
+        Objects in order, and the pose of each.
+    """
+    picks = pick_time.T
+    count = len(picks)
+    arrival = jnp.full((2**count, len(first_drive)), jnp.inf, picks.dtype).at[0].set(first_drive)
+
+    def extend(arrival: Array, sets: Array) -> tuple[Array, None]:
+        cost = reduce(jnp.minimum, (_cost_if_last(arrival, picks, sets, o) for o in range(count)))
+        return arrival.at[sets].set(_min_plus(cost, drive)), None
+
+    arrival, _ = jax.lax.scan(extend, arrival, jnp.array(_sets_by_size(count)))
+
+    def step_back(carry: tuple[Array, Array], _: None) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        """From a set and the pose of its last pick to those before it."""
+        current, pose = carry
+        last = jnp.argmin(_costs_by_last(arrival[:, pose, None], picks[:, pose, None], current)[:, 0])
+        before = current & ~(1 << last)
+        cost = jnp.min(_costs_by_last(arrival, picks, before), axis=0)
+        return (before, jnp.argmin(cost + drive[:, pose])), (last, pose)
+
+    everything = jnp.array(2**count - 1)
+    final = jnp.argmin(jnp.min(_costs_by_last(arrival, picks, everything), axis=0))
+    _, (order, stops) = jax.lax.scan(step_back, (everything, final), length=count)
+    return order[::-1], stops[::-1]
+
+
+def _sets_by_size(count: int) -> Int[np.ndarray, "chunks sets"]:
+    """All sets but the empty and the full one, the small ones first; chunks of one size, filled up with repetitions."""
+    sets = np.arange(1, 2**count - 1)
+    sizes = np.bitwise_count(sets)
+    chunks = []
+    for size in range(1, count):
+        layer = sets[sizes == size]
+        rows = -(-len(layer) // _SETS_AT_ONCE) * _SETS_AT_ONCE
+        chunks.append(np.resize(layer, rows).reshape(-1, _SETS_AT_ONCE))
+    return np.concatenate(chunks) if chunks else np.zeros((0, _SETS_AT_ONCE), int)
+
+
+def _cost_if_last(arrival: Array, picks: Array, sets: Int[Array, " sets"], last: int) -> Float[Array, "sets P"]:
+    """Costs of sets whose last pick is the given object; infinite for sets without it."""
+    cost = arrival[sets & ~(1 << last)] + picks[last]
+    return jnp.where(((sets >> last) & 1)[:, None] == 1, cost, jnp.inf)
+
+
+def _costs_by_last(arrival: Array, picks: Array, current: Int[Array, ""]) -> Float[Array, "N P"]:
+    """Costs of one set for every last pick."""
+    objects = jnp.arange(len(picks))
+    cost = arrival[current & ~(1 << objects)] + picks
+    return jnp.where(((current >> objects) & 1)[:, None] == 1, cost, jnp.inf)
+
+
+def _min_plus(cost: Float[Array, "sets P"], drive: Float[Array, "P P"]) -> Float[Array, "sets P"]:
+    """`min_p cost[:, p] + drive[p, :]`: a matrix product with minimum for sum and sum for product."""
+    poses = len(drive)
+    at_once = math.gcd(poses, _POSES_AT_ONCE)
+    blocks = (cost.T.reshape(-1, at_once, len(cost)), drive.reshape(-1, at_once, poses))
+
+    def relax(best: Array, block: tuple[Array, Array]) -> tuple[Array, None]:
+        return reduce(
+            jnp.minimum, (departure[:, None] + leg for departure, leg in zip(*block, strict=True)), best
+        ), None
+
+    return jax.lax.scan(relax, jnp.full_like(cost, jnp.inf), blocks)[0]

@@ -1,0 +1,114 @@
+import itertools
+
+import jax
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import optimize, sparse
+
+from basenet_jax.planners.exact_sequence import best_sequence
+
+solve = jax.jit(best_sequence)
+
+
+def random_costs(seed, objects, poses, share=0.5):
+    """Costs with no structure at all (not even the triangle inequality); every object is served somewhere."""
+    generator = np.random.default_rng(seed)
+    picks = generator.uniform(8, 14, (poses, objects))
+    picks[generator.uniform(size=picks.shape) > share] = np.inf
+    for served in range(objects):
+        picks[generator.integers(poses), served] = 9.0
+    drive = generator.uniform(0, 10, (poses, poses))
+    np.fill_diagonal(drive, 0.0)
+    return tuple(x.astype(np.float32) for x in (picks, generator.uniform(5, 15, poses), drive))
+
+
+def cost_of(order, stops, picks, first, drive):
+    drives = first[stops[0]] + sum(drive[p, q] for p, q in itertools.pairwise(stops))
+    return drives + sum(picks[p, o] for o, p in zip(order, stops, strict=True))
+
+
+def brute_force(picks, first, drive):
+    poses, objects = picks.shape
+    return min(
+        cost_of(order, stops, picks, first, drive)
+        for order in itertools.permutations(range(objects))
+        for stops in itertools.product(range(poses), repeat=objects)
+    )
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**31), st.integers(1, 4))
+def test_nothing_is_cheaper_by_brute_force(seed, objects):
+    costs = random_costs(seed, objects, 5)
+    order, stops = (np.asarray(x) for x in solve(*costs))
+    assert sorted(order) == list(range(objects))
+    np.testing.assert_allclose(cost_of(order, stops, *costs), brute_force(*costs), rtol=1e-6)
+
+
+def mixed_integer_optimum(picks, first, drive):
+    """The least cost by HiGHS: binary flows through N layers of (object, pose) nodes, each object once."""
+    nodes = np.argwhere(np.isfinite(picks.T))  # object, pose
+    count, objects = len(nodes), picks.shape[1]
+    pick = picks.T[nodes[:, 0], nodes[:, 1]].astype(float)
+    arcs = np.argwhere(nodes[:, 0][:, None] != nodes[:, 0][None])
+    enter = first[nodes[:, 1]] + pick
+    travel = drive[nodes[arcs[:, 0], 1], nodes[arcs[:, 1], 1]] + pick[arcs[:, 1]]
+    cost = np.concatenate([enter, *[travel] * (objects - 1)])
+    width = len(arcs)
+
+    def start(layer):
+        return count + layer * width
+
+    into = sparse.csr_array((np.ones(width), (arcs[:, 1], np.arange(width))), (count, width))
+    out = sparse.csr_array((np.ones(width), (arcs[:, 0], np.arange(width))), (count, width))
+    rows, bounds = [], []
+
+    def block(parts):
+        """A row block with the given matrices at their columns."""
+        row = sparse.lil_array((next(iter(parts.values())).shape[0], len(cost)))
+        for column, part in parts.items():
+            row[:, column : column + part.shape[1]] = part
+        return row.tocsr()
+
+    identity = sparse.eye_array(count).tocsr()
+    for layer in range(objects - 1):
+        inward = {0: identity} if layer == 0 else {start(layer - 1): into}
+        rows.append(block({**inward, start(layer): -out}))
+        bounds.append(np.zeros(count))
+    member = sparse.csr_array((np.ones(count), (nodes[:, 0], np.arange(count))), (objects, count))
+    rows.append(block({0: member} | {start(layer): member @ into for layer in range(objects - 1)}))
+    bounds.append(np.ones(objects))
+    limits = np.concatenate(bounds)
+    constraint = optimize.LinearConstraint(sparse.vstack(rows), limits, limits)
+    result = optimize.milp(cost, integrality=np.ones_like(cost), bounds=(0, 1), constraints=constraint)
+    assert result.success, result.message
+    return result.fun
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_agrees_with_a_mixed_integer_solver_on_six_objects(seed):
+    costs = random_costs(seed, 6, 12, share=0.3)
+    order, stops = (np.asarray(x) for x in solve(*costs))
+    np.testing.assert_allclose(cost_of(order, stops, *costs), mixed_integer_optimum(*costs), rtol=1e-5)
+
+
+def test_more_poses_never_cost_more():
+    picks, first, drive = random_costs(3, 5, 32)
+    costs = []
+    for count in (8, 16, 32):
+        part = (np.where(np.isinf(picks[:8]).all(0), 9.0, picks)[:count], first[:count], drive[:count, :count])
+        costs.append(cost_of(*(np.asarray(x) for x in solve(*part)), *part))
+    assert costs[0] >= costs[1] >= costs[2]
+
+
+def test_poses_that_serve_nothing_change_nothing():
+    picks, first, drive = random_costs(4, 4, 8)
+    padded = (
+        np.pad(picks, ((0, 8), (0, 0)), constant_values=np.inf),
+        np.pad(first, (0, 8), constant_values=np.inf),
+        np.pad(drive, (0, 8)),
+    )
+    for one, other in zip(solve(picks, first, drive), solve(*padded), strict=True):
+        np.testing.assert_array_equal(one, other)
