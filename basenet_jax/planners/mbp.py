@@ -1,0 +1,121 @@
+"""MBP, the paper's minimum-base-poses planner: fewest stops that serve all objects, then the nearest stop next."""
+
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jaxtyping import Bool, Float, Int
+
+from basenet_jax.config import NavigationConfig
+from basenet_jax.planners.candidates import Candidates
+from basenet_jax.planners.cover_minimum import minimum_cover
+from basenet_jax.planners.map_or_check import CandidateSource, unserved_reason
+from basenet_jax.planners.protocol import PlannerSetup, assemble_plan
+from basenet_jax.robot.model import Robot
+from basenet_jax.task.navigation import navigation_time
+from basenet_jax.task.plan import Plan
+from basenet_jax.world.scene import Scene
+
+
+class Mbp:
+    """Chooses fewest base poses that serve all objects and goes to the one of least navigation time next.
+
+    Checked, it is the paper's MBP-GC, whose candidates passed the full check; else MBP, which trusts the map.
+    """
+
+    def __init__(self, setup: PlannerSetup, *, checked: bool):
+        self._robot, self._navigation = setup.robot, setup.world.navigation
+        self._candidates = CandidateSource(setup, checked=checked)
+
+    def __call__(self, scene: Scene, key: Array) -> Plan:
+        """See `Planner`; the key is ignored."""
+        del key
+        candidates = self._candidates(scene)
+        coverage = np.asarray(_coverage(self._robot, scene, candidates, self._navigation))
+        stop_of_pose = minimum_cover(coverage)
+        if np.all(stop_of_pose < 0):
+            return assemble_plan(scene, np.zeros(0, int), np.zeros((0, 3)), np.asarray(unserved_reason(candidates)))
+        visits = nearest_stops(self._robot, scene, candidates, stop_of_pose, self._navigation)
+        visited, grasps, candidates = jax.device_get((visits, _grasps(scene), candidates))
+        order, pose = picks_at_stops(visited[visited >= 0], candidates, grasps)
+        return assemble_plan(scene, order, candidates.base_pose[pose], np.asarray(unserved_reason(candidates)))
+
+
+@partial(jax.jit, static_argnames="config")
+def nearest_stops(
+    robot: Robot, scene: Scene, candidates: Candidates, stop_of_pose: Int[Array, " K"], config: NavigationConfig
+) -> Int[Array, " M"]:
+    """Visits the chosen stops, always the one of least navigation time next.
+
+    Args:
+        robot: the robot.
+        scene: unbatched.
+        candidates: at least one.
+        stop_of_pose: which stop each candidate makes, -1 for none: the nearest of those that make the same is taken.
+        config: of navigation.
+
+    Returns:
+        The visited candidates in order, padded with -1. A stop that can't be driven to is left out.
+    """
+    slots = len(scene.mask)  # a minimum cover has no more sets than objects
+
+    def visit(tour: _Tour) -> _Tour:
+        drive = navigation_time(robot, tour.pose, candidates.base_pose, scene.table, config)
+        drive = jnp.where((stop_of_pose >= 0) & tour.remaining[stop_of_pose], drive, jnp.inf)
+        best = jnp.argmin(drive)
+        found = jnp.isfinite(drive[best])
+        # Where no stop is left that can be driven to, the tour is over.
+        remaining = tour.remaining.at[stop_of_pose[best]].set(False) & found
+        visited = tour.visited.at[tour.length].set(jnp.where(found, best, -1))
+        return _Tour(tour.length + 1, candidates.base_pose[best], remaining, visited)
+
+    remaining = jnp.arange(slots) <= jnp.max(stop_of_pose)
+    start = _Tour(jnp.array(0), scene.robot_start, remaining, jnp.full(slots, -1))
+    return jax.lax.while_loop(lambda tour: jnp.any(tour.remaining), visit, start).visited
+
+
+class _Tour(NamedTuple):
+    """The stops visited so far."""
+
+    length: Int[Array, ""]
+    pose: Float[Array, "3"]
+    remaining: Bool[Array, " M"]  # by number of the stop
+    visited: Int[Array, " M"]  # candidates, padded with -1
+
+
+def picks_at_stops(
+    visited: Int[np.ndarray, " S"], candidates: Candidates, grasps: Float[np.ndarray, "M 4"]
+) -> tuple[Int[np.ndarray, " P"], Int[np.ndarray, " P"]]:
+    """What is picked where: at each stop all that it serves and that remains, the fastest first, then the nearest.
+
+    Args:
+        visited: the stops in order, as candidates' indices.
+        candidates: on the host.
+        grasps: tool0's x, y, z, yaw in W at each slot's grasp.
+
+    Returns:
+        Slots in the order of the picks, and the candidate that each is picked from.
+    """
+    order: list[int] = []
+    poses: list[int] = []
+    for stop in visited:
+        served = np.setdiff1d(np.flatnonzero(candidates.serves[stop]), order)
+        distance = np.linalg.norm(grasps[served, :2] - candidates.base_pose[stop, :2], axis=-1)
+        order += served[np.lexsort((distance, candidates.pick_time[stop, served]))].tolist()
+        poses += [int(stop)] * len(served)
+    return np.array(order, int), np.array(poses, int)
+
+
+@partial(jax.jit, static_argnames="config")
+def _coverage(robot: Robot, scene: Scene, candidates: Candidates, config: NavigationConfig) -> Bool[Array, "K M"]:
+    """What can be picked from the candidates that can be driven to from the start."""
+    drive = navigation_time(robot, scene.robot_start, candidates.base_pose, scene.table, config)
+    return candidates.serves & jnp.isfinite(drive)[:, None]
+
+
+@jax.jit
+def _grasps(scene: Scene) -> Float[Array, "M 4"]:
+    return scene.grasps

@@ -1,0 +1,79 @@
+"""PBG, the paper's proximity-based greedy planner: the nearest object next, from the nearest base pose."""
+
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jaxtyping import Bool, Float, Int
+
+from basenet_jax.config import NavigationConfig
+from basenet_jax.planners.candidates import Candidates
+from basenet_jax.planners.map_or_check import CandidateSource, unserved_reason
+from basenet_jax.planners.protocol import PlannerSetup, assemble_plan
+from basenet_jax.robot.model import Robot
+from basenet_jax.task.navigation import navigation_time
+from basenet_jax.task.plan import Plan
+from basenet_jax.world.scene import Scene
+
+
+class Pbg:
+    """Picks the object nearest to the base next, from the candidate of least navigation time.
+
+    Checked, it is the paper's PBG-GC, whose candidates passed the full check; else PBG, which trusts the map.
+    """
+
+    def __init__(self, setup: PlannerSetup, *, checked: bool):
+        self._robot, self._navigation = setup.robot, setup.world.navigation
+        self._candidates = CandidateSource(setup, checked=checked)
+
+    def __call__(self, scene: Scene, key: Array) -> Plan:
+        """See `Planner`; the key is ignored."""
+        del key
+        candidates = self._candidates(scene)
+        if not len(candidates.base_pose):
+            return assemble_plan(scene, np.zeros(0, int), np.zeros((0, 3)), np.asarray(candidates.reason))
+        steps, reason = jax.device_get(nearest_first(self._robot, scene, candidates, self._navigation))
+        return assemble_plan(scene, steps.slot[steps.found], steps.base_pose[steps.found], reason)
+
+
+class Steps(NamedTuple):
+    """One step for each of a scene's M slots."""
+
+    slot: Int[Array, " M"]  # of the object
+    base_pose: Float[Array, "M 3"]  # where the base is after the step, (x, y, heading) in W
+    found: Bool[Array, " M"]  # whether there was an object, and a pose to pick it from
+
+
+@partial(jax.jit, static_argnames="config")
+def nearest_first(
+    robot: Robot, scene: Scene, candidates: Candidates, config: NavigationConfig
+) -> tuple[Steps, Int[Array, " M"]]:
+    """The greedy rule, step by step; an object without a candidate that can be driven to is passed over.
+
+    Args:
+        robot: the robot.
+        scene: unbatched.
+        candidates: at least one.
+        config: of navigation.
+
+    Returns:
+        The steps, and for each slot the reason it has if no step found it.
+    """
+    grasp, serves = scene.grasps[:, :2], candidates.serves.T
+
+    def step(state: tuple[Array, Array], _: None) -> tuple[tuple[Array, Array], Steps]:
+        pose, remaining = state
+        distance = jnp.linalg.norm(grasp - pose[:2], axis=-1)
+        slot = jnp.argmin(jnp.where(remaining, distance, jnp.inf))
+        drive = navigation_time(robot, pose, candidates.base_pose, scene.table, config)
+        drive = jnp.where(serves[slot] & remaining[slot], drive, jnp.inf)
+        best = jnp.argmin(drive)
+        found = jnp.isfinite(drive[best])
+        pose = jnp.where(found, candidates.base_pose[best], pose)
+        return (pose, remaining.at[slot].set(False)), Steps(slot, pose, found)
+
+    _, steps = jax.lax.scan(step, (scene.robot_start, scene.mask), length=len(scene.mask))
+    return steps, unserved_reason(candidates)

@@ -1,0 +1,177 @@
+"""The inverse reachability map: from which base poses, seen from the tool, the arm reaches a top-down grasp.
+
+A map knows the arm alone: no pre-grasp, no descent, no collision. It is made once per robot and grasp height, and
+looking a pose up costs nothing, which is why the paper's simplest planners trust it.
+"""
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from flax import struct
+from jax import Array
+from jaxtyping import Bool, Float
+
+from basenet_jax.config import GridConfig, PickConfig
+from basenet_jax.geometry import relative
+from basenet_jax.planners.candidates import Candidates
+from basenet_jax.robot.ik import damped_least_squares, residual
+from basenet_jax.robot.kinematics import components, reach_sphere
+from basenet_jax.robot.model import Robot
+from basenet_jax.task import arm_solutions
+from basenet_jax.task.picking import Reason
+from basenet_jax.world.scene import MAX_OBJECTS, Scene
+
+
+@struct.dataclass
+class ReachabilityMap:
+    """Which bins of base poses reach a grasp, in layers of one grasp height each.
+
+    The tool's planar frame has its origin at the grasp, x along the grasp's yaw. Bin `[h, i, j, t]` holds the base
+    poses nearest to `(axis_m[i], axis_m[j], heading[t])` in that frame. All bins at the border are unreachable.
+    """
+
+    reachable: Bool[np.ndarray, "H side side turns"]
+    height: Float[np.ndarray, " H"]  # m, of tool0 above the floor
+    step_m: float = struct.field(pytree_node=False)  # between neighbouring bins' centres, along x and along y
+
+    @property
+    def origin(self) -> int:
+        """Index, along x and along y, of the bin at 0."""
+        return self.reachable.shape[1] // 2
+
+    @property
+    def axis_m(self) -> Float[np.ndarray, " side"]:
+        """Centres of the bins along x, and along y (m): integer multiples of the step."""
+        return np.arange(-self.origin, self.origin + 1) * self.step_m
+
+    @property
+    def heading(self) -> Float[np.ndarray, " turns"]:
+        """Headings of the base at the bins' centres (rad, in [0, 2 pi)), cyclic."""
+        return _headings(self.reachable.shape[3])
+
+
+def build_map(
+    robot: Robot, heights: Sequence[float], grid: GridConfig = GridConfig(), config: PickConfig = PickConfig()
+) -> ReachabilityMap:
+    """The map of a robot at some grasp heights, in one jitted sweep that compiles once for any of them.
+
+    A bin is reachable if inverse kinematics exists at its centre: a solution of the grasp pose alone, in one of the
+    gripper's yaws, within the tolerances and the joint limits.
+
+    Args:
+        robot: the robot.
+        heights: of tool0 above the floor at the grasp (m).
+        grid: its step and number of headings are the bins'.
+        config: tolerances, symmetry of the gripper and how solutions are found.
+    """
+    slots = np.zeros(-(-max(len(heights), 1) // MAX_OBJECTS) * MAX_OBJECTS, np.float32)
+    slots[: len(heights)] = heights
+    reachable = _sweep(robot, slots, len(heights), map_shape(robot, grid, config), grid.step_m, config)
+    return ReachabilityMap(
+        reachable=np.asarray(reachable)[: len(heights)], height=slots[: len(heights)], step_m=grid.step_m
+    )
+
+
+def map_shape(robot: Robot, grid: GridConfig = GridConfig(), config: PickConfig = PickConfig()) -> tuple[int, int, int]:
+    """Bins along x, along y, and of heading: a window whose border even the stretched arm can't reach."""
+    center, radius = reach_sphere(robot)
+    in_base = robot.mount_position + robot.mount_rotation @ np.asarray(center)
+    reach = float(np.hypot(in_base[0], in_base[1]) + radius) + config.position_tolerance_m
+    beyond = math.floor(reach / grid.step_m) + 1
+    return 2 * beyond + 1, 2 * beyond + 1, grid.turns
+
+
+@jax.jit
+def map_candidates(reach_map: ReachabilityMap, scene: Scene, base_pose: Float[Array, "K 3"]) -> Candidates:
+    """What the map says of all pairs of pose and object: no times, and no reason but reach.
+
+    Args:
+        reach_map: with one layer for each of the scene's M slots, in their order; see `map_store.MapStore`.
+        scene: unbatched.
+        base_pose: the poses to choose from, (x, y, heading) in W.
+    """
+    layers, side, _, turns = reach_map.reachable.shape
+    if layers != len(scene.mask):
+        raise ValueError(f"reach_map: found {layers} layers, needs one for each of the scene's {len(scene.mask)} slots")
+    in_tool = relative(scene.grasps[:, jnp.array([0, 1, 3])], base_pose[:, None])
+    # What lies outside the window is counted to its border, which is unreachable too.
+    cell = jnp.clip(jnp.round(in_tool[..., :2] / reach_map.step_m) + reach_map.origin, 0, side - 1).astype(jnp.int32)
+    turn = jnp.round(in_tool[..., 2] * (turns / (2.0 * jnp.pi))).astype(jnp.int32) % turns
+    reachable = reach_map.reachable[jnp.arange(layers), cell[..., 0], cell[..., 1], turn]
+    serves = reachable & scene.mask
+    lost = scene.mask & ~jnp.any(serves, axis=0)
+    return Candidates(
+        base_pose=base_pose,
+        serves=serves,
+        pick_time=jnp.where(serves, 0.0, jnp.inf),
+        reason=jnp.where(lost, Reason.OUT_OF_REACH, Reason.NONE),
+    )
+
+
+def _headings(turns: int) -> Float[np.ndarray, " turns"]:
+    return np.arange(turns) * (2.0 * np.pi / turns)
+
+
+@partial(jax.jit, static_argnames=("shape", "step_m", "config"))
+def _sweep(
+    robot: Robot,
+    heights: Float[Array, " slots"],
+    count: int,
+    shape: tuple[int, int, int],
+    step_m: float,
+    config: PickConfig,
+) -> Bool[Array, "slots side side turns"]:
+    """The first `count` layers, the others empty; `config.chunk` bins at a time keep in a CPU core's cache."""
+    axis = (np.arange(shape[0]) - shape[0] // 2) * step_m
+    centres = np.stack(np.meshgrid(axis, axis, _headings(shape[2]), indexing="ij"), axis=-1).reshape(-1, 3)
+    chunk = min(config.chunk, len(centres))
+    chunks = -(-len(centres) // chunk)
+    filled = np.resize(centres, (chunks * chunk, 3))  # the last chunk is filled up with the first bins
+    parts = jnp.asarray(filled.reshape(chunks, chunk, 3), heights.dtype)
+
+    def layer(index: Array, layers: Array) -> Array:
+        def reached(base_pose: Array) -> Array:
+            zero = jnp.zeros(chunk, heights.dtype)
+            grasp = (zero, zero, zero + heights[index], zero)  # W is the tool's planar frame here
+            return _solution_exists(robot, arm_solutions.Picks(components(base_pose), grasp), config)
+
+        return layers.at[index].set(jax.lax.map(reached, parts).reshape(-1)[: len(centres)].reshape(shape))
+
+    return jax.lax.fori_loop(0, count, layer, jnp.zeros((len(heights), *shape), bool))
+
+
+class _Search(NamedTuple):
+    """K arm solutions of each of B grasps, tried one after the other."""
+
+    estimate: Float[Array, "K B"]  # s; infinite for what is no solution, or was tried
+    found: Bool[Array, " B"]
+
+
+def _solution_exists(robot: Robot, picks: arm_solutions.Picks, config: PickConfig) -> Bool[Array, " B"]:
+    """Whether the arm reaches each grasp: a solution is within the limits and, refined, within the tolerances.
+
+    It is the search for a pick's solutions with the pre-grasp at the grasp itself.
+    """
+    config = dataclasses.replace(config, pregrasp_height_m=0.0, descent_heights_m=())
+    solutions = arm_solutions.solve(robot, picks, config)
+
+    def attempt(search: _Search) -> _Search:
+        choice = jnp.argmin(search.estimate, axis=0)
+        target, joints = arm_solutions.waypoints(robot, picks, solutions, choice, config)
+        joints = damped_least_squares(robot, target, joints, config.refinements)
+        position_error, orientation_error = (error[-1] for error in residual(robot, target, joints))
+        close = position_error <= config.position_tolerance_m
+        reached = close & (orientation_error <= config.orientation_tolerance_rad)
+        untried = jnp.isfinite(jnp.min(search.estimate, axis=0))
+        found = search.found | (untried & reached)
+        estimate = search.estimate.at[choice, jnp.arange(len(choice))].set(jnp.inf)
+        return _Search(jnp.where(found, jnp.inf, estimate), found)
+
+    start = _Search(solutions.estimate, jnp.zeros(solutions.estimate.shape[1:], bool))
+    return jax.lax.while_loop(lambda search: jnp.any(jnp.isfinite(search.estimate)), attempt, start).found
