@@ -7,11 +7,15 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from basenet_jax.api import execute as execute
+    from basenet_jax.api import make_plan as make_plan
+    from basenet_jax.api import plot_plan as plot_plan
+    from basenet_jax.api import sample_scene as sample_scene
     from basenet_jax.config import TrainConfig as TrainConfig
     from basenet_jax.config import WorldConfig as WorldConfig
     from basenet_jax.config import make_preset as make_preset
     from basenet_jax.learning.base_pose_env import BasePoseEnv as BasePoseEnv
-    from basenet_jax.plots import plot_plan as plot_plan
+    from basenet_jax.planners.protocol import PlanningError as PlanningError
     from basenet_jax.robot.ik import solve_ik as solve_ik
     from basenet_jax.robot.kinematics import forward_kinematics as forward_kinematics
     from basenet_jax.robot.kinematics import geometric_jacobian as geometric_jacobian
@@ -20,39 +24,62 @@ if TYPE_CHECKING:
     from basenet_jax.task.navigation import navigation_time as navigation_time
     from basenet_jax.task.picking import Reason as Reason
     from basenet_jax.task.picking import pick as pick
+    from basenet_jax.task.plan import Outcome as Outcome
     from basenet_jax.task.plan import Plan as Plan
-    from basenet_jax.task.plan import execute as execute
+    from basenet_jax.task.plan_file import PlanFileError as PlanFileError
+    from basenet_jax.task.plan_file import load_plan as load_plan
+    from basenet_jax.task.plan_file import save_plan as save_plan
     from basenet_jax.world.generate import draw_scene as draw_scene
+    from basenet_jax.world.scene import NamedScene as NamedScene
     from basenet_jax.world.scene import Scene as Scene
     from basenet_jax.world.scene import Table as Table
+    from basenet_jax.world.scene_file import SceneFileError as SceneFileError
+    from basenet_jax.world.scene_file import load_scene as load_scene
+    from basenet_jax.world.scene_file import save_scene as save_scene
 
 _MODULES = {
     "BasePoseEnv": "learning.base_pose_env",
+    "NamedScene": "world.scene",
+    "Outcome": "task.plan",
     "Plan": "task.plan",
+    "PlanFileError": "task.plan_file",
+    "PlanningError": "planners.protocol",
     "Reason": "task.picking",
     "Robot": "robot.model",
     "Scene": "world.scene",
+    "SceneFileError": "world.scene_file",
     "Table": "world.scene",
     "TrainConfig": "config",
     "WorldConfig": "config",
     "draw_scene": "world.generate",
-    "execute": "task.plan",
+    "execute": "api",
     "forward_kinematics": "robot.kinematics",
     "geometric_jacobian": "robot.kinematics",
+    "load_plan": "task.plan_file",
     "load_robot": "robot.reading",
+    "load_scene": "world.scene_file",
+    "make_plan": "api",
     "make_preset": "config",
     "navigation_time": "task.navigation",
     "pick": "task.picking",
-    "plot_plan": "plots",
+    "plot_plan": "api",
+    "sample_scene": "api",
+    "save_plan": "task.plan_file",
+    "save_scene": "world.scene_file",
     "solve_ik": "robot.ik",
 }
 
 __all__ = [
     "BasePoseEnv",
+    "NamedScene",
+    "Outcome",
     "Plan",
+    "PlanFileError",
+    "PlanningError",
     "Reason",
     "Robot",
     "Scene",
+    "SceneFileError",
     "Table",
     "TrainConfig",
     "WorldConfig",
@@ -60,11 +87,17 @@ __all__ = [
     "execute",
     "forward_kinematics",
     "geometric_jacobian",
+    "load_plan",
     "load_robot",
+    "load_scene",
+    "make_plan",
     "make_preset",
     "navigation_time",
     "pick",
     "plot_plan",
+    "sample_scene",
+    "save_plan",
+    "save_scene",
     "solve_ik",
 ]
 

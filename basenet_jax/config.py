@@ -46,7 +46,8 @@ class PickConfig:
     refinements: int = 2  # damped-least-squares steps on closed-form waypoints
     lattice_seeds: int = 64  # for an arm without a closed form
     lattice_iterations: int = 40
-    chunk: int = 2048  # picks checked at a time; the largest arrays of a chunk fit a CPU core's cache
+    chunk: int = 2048  # picks checked at a time at most; the largest arrays of a chunk fit a CPU core's cache
+    smallest_chunk: int = 128  # of small batches
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,14 @@ class GridConfig:
     step_m: float = 0.10  # x and y are integer multiples
     turns: int = 8  # headings are integer multiples of a full turn by this
     half_size_m: tuple[float, float] = (2.2, 1.6)  # the grid covers |x| and |y| up to these
+
+
+@dataclass(frozen=True)
+class AlignedConfig:
+    """Stops in line with the table's sides."""
+
+    step_m: float = 0.10  # along a side
+    gap_m: float = 2e-4  # beyond the base's clearance from the table: touching counts as a collision
 
 
 @dataclass(frozen=True)

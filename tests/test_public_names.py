@@ -6,6 +6,7 @@ import sys
 import pytest
 
 import basenet_jax
+from basenet_jax import api
 
 
 @pytest.mark.parametrize("name", basenet_jax.__all__)
@@ -16,6 +17,18 @@ def test_every_public_name_is_there_and_documented(name):
 
 def test_the_table_of_modules_has_every_public_name():
     assert sorted(basenet_jax._MODULES) == sorted(basenet_jax.__all__)
+
+
+def test_the_front_door_is_the_short_one():
+    """`execute` and `plot_plan` take scene and plan; what takes the robot too stays in its module."""
+    assert basenet_jax.execute is api.execute
+    assert basenet_jax.plot_plan is api.plot_plan
+    assert basenet_jax.make_plan is api.make_plan
+
+
+@pytest.mark.parametrize("command", ["train", "evaluate", "plan", "generate"])
+def test_no_public_name_is_a_command(command):
+    assert command not in basenet_jax.__all__
 
 
 def test_an_unknown_name_is_an_attribute_error():

@@ -45,9 +45,14 @@ def grid_poses(
     return poses[~np.asarray(collides)]
 
 
-@jax.jit(static_argnames="world")
+@jax.jit(static_argnames=("world", "pairs_at_once"))
 def check_candidates(
-    robot: Robot, scene: Scene, base_pose: Float[ArrayLike, "K 3"], world: WorldConfig = WorldConfig()
+    robot: Robot,
+    scene: Scene,
+    base_pose: Float[ArrayLike, "K 3"],
+    world: WorldConfig = WorldConfig(),
+    *,
+    pairs_at_once: int = PAIRS_AT_ONCE,
 ) -> Candidates:
     """Validates and costs all pairs of pose and object by `pick`.
 
@@ -58,22 +63,27 @@ def check_candidates(
         scene: unbatched.
         base_pose: that don't collide with the table (others are sorted out all the same).
         world: of the picks.
+        pairs_at_once: checked in one round; one round for all that are near is fastest.
     """
     poses, grasps = jnp.asarray(base_pose), scene.grasps
     near = within_reach(robot, poses[:, None], grasps) & scene.mask
     pairs = near.size
+    if not pairs:
+        unserved = jnp.full(len(grasps), int(Reason.BASE_COLLIDES), jnp.int32)
+        return Candidates(poses, near, jnp.zeros(near.shape), unserved)
+    at_once = min(pairs_at_once, pairs)
     (index,) = jnp.nonzero(near.ravel(), size=pairs, fill_value=pairs)
-    index = jnp.pad(index, (0, -pairs % PAIRS_AT_ONCE), constant_values=pairs)  # no pair, dropped when written
+    index = jnp.pad(index, (0, -pairs % at_once), constant_values=pairs)  # no pair, dropped when written
 
     def check(state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
         start, time, reason = state
-        own = jax.lax.dynamic_slice(index, (start,), (PAIRS_AT_ONCE,))
+        own = jax.lax.dynamic_slice(index, (start,), (at_once,))
         pose, slot = jnp.divmod(jnp.minimum(own, pairs - 1), len(grasps))
         picks = pick(robot, poses[pose], grasps[slot], scene.table, world.pick)
         time = time.at[own].set(jnp.where(picks.feasible, picks.time, jnp.inf), mode="drop")
-        return start + PAIRS_AT_ONCE, time, reason.at[own].set(picks.reason, mode="drop")
+        return start + at_once, time, reason.at[own].set(picks.reason, mode="drop")
 
-    nothing = (jnp.array(0), jnp.full(pairs, jnp.inf), jnp.full(pairs, int(Reason.OUT_OF_REACH)))
+    nothing = (jnp.array(0), jnp.full(pairs, jnp.inf), jnp.full(pairs, int(Reason.OUT_OF_REACH), jnp.int32))
     _, time, reason = jax.lax.while_loop(lambda state: state[0] < jnp.sum(near), check, nothing)
     time, reason = time.reshape(near.shape), reason.reshape(near.shape)
     serves = jnp.isfinite(time)

@@ -1,21 +1,31 @@
 """The planners by name."""
 
+import importlib
 from collections.abc import Callable
-from functools import partial
+from typing import Any
 
-from basenet_jax.planners.basenet import BaSeNet
-from basenet_jax.planners.dp import Dp
-from basenet_jax.planners.mbp import Mbp
-from basenet_jax.planners.pbg import Pbg
 from basenet_jax.planners.protocol import Planner, PlannerSetup
 
-PLANNERS: dict[str, Callable[[PlannerSetup], Planner]] = {
-    "pbg": partial(Pbg, checked=False),
-    "pbg-gc": partial(Pbg, checked=True),
-    "mbp": partial(Mbp, checked=False),
-    "mbp-gc": partial(Mbp, checked=True),
-    "dp": Dp,
-    "basenet": BaSeNet,
+MakePlanner = Callable[[PlannerSetup], Planner]
+
+
+def _later(module: str, name: str, **options: Any) -> MakePlanner:
+    """Imports the module when a planner is made: SciPy's solver alone takes a second, and few runs need it."""
+
+    def make(setup: PlannerSetup) -> Planner:
+        return getattr(importlib.import_module(f"basenet_jax.planners.{module}"), name)(setup, **options)
+
+    return make
+
+
+PLANNERS: dict[str, MakePlanner] = {
+    "pbg": _later("pbg", "Pbg", checked=False),
+    "pbg-gc": _later("pbg", "Pbg", checked=True),
+    "mbp": _later("mbp", "Mbp", checked=False),
+    "mbp-gc": _later("mbp", "Mbp", checked=True),
+    "dp": _later("dp", "Dp"),
+    "greedy-stops": _later("greedy_stops", "GreedyStops"),
+    "basenet": _later("basenet", "BaSeNet"),
 }
 
 

@@ -115,7 +115,9 @@ class _Search(NamedTuple):
 def _attempt(robot, picks, solutions, table, config: PickConfig, arm_check: ArmCheck, search: _Search) -> _Search:
     """Checks the fastest remaining solution of a chunk of undecided picks."""
     count = search.decided.shape[0]
-    chunk = min(count, config.chunk)
+    # A round costs as much for the last few undecided picks as for a full chunk, and there are up to as many rounds as
+    # solutions: small batches go in small chunks.
+    chunk = min(count, config.chunk, max(config.smallest_chunk, count // 16))
     (index,) = jnp.nonzero(~search.decided, size=chunk, fill_value=count)  # count: no pick, dropped when written
     part, own_solutions, own = jax.tree.map(lambda x: x.at[..., index].get(mode="clip"), (picks, solutions, search))
     if table.height.ndim:

@@ -1,0 +1,127 @@
+"""The library's front door: scenes in, plans, verdicts and pictures out, with the default world.
+
+The batched functions underneath (`task.plan.execute`, `pick`, `navigation_time`, ...) take the robot as an argument and
+go under jit, vmap and sharding; these here compile for themselves and keep what they made for the next call.
+"""
+
+import functools
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import PRNGKeyArray
+
+from basenet_jax.planners import registry
+from basenet_jax.planners.protocol import Planner, PlannerSetup
+from basenet_jax.robot.reading import load_robot
+from basenet_jax.task import plan as judge
+from basenet_jax.task.plan import Outcome, Plan
+from basenet_jax.world.generate import draw_scene
+from basenet_jax.world.naming import name_objects
+from basenet_jax.world.scene import MAX_OBJECTS, NamedScene, Scene, Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_DEFAULT_ROBOT = "ur5e_mobile"
+_execute = jax.jit(judge.execute)
+_draw_scene = jax.jit(draw_scene, static_argnames="slots")
+
+
+def sample_scene(key: PRNGKeyArray, *, objects: int = 10) -> NamedScene:
+    """A random scene, objects named `mug_1` and so on.
+
+    Args:
+        key: consumed.
+        objects: their number, 1 to 50.
+
+    Raises:
+        ValueError: the number is out of range, or so many objects found no place on the table (try another key).
+    """
+    if not 1 <= objects <= MAX_OBJECTS:
+        raise ValueError(f"objects: found {objects}, allowed are 1 to {MAX_OBJECTS}")
+    arrays, placed = _draw_scene(key, objects, Table.from_config(), slots=objects)
+    if not bool(placed):
+        raise ValueError(f"objects: found {objects}, which found no place on the table; draw another scene, or fewer")
+    return name_objects(arrays, _DEFAULT_ROBOT)
+
+
+def make_plan(
+    scene: NamedScene | Scene,
+    *,
+    planner: str = "basenet",
+    weights: str | os.PathLike[str] | None = None,
+    key: Array | None = None,
+) -> Plan:
+    """Plans one scene: where the robot parks, and in which order it picks.
+
+    Args:
+        scene: unbatched.
+        planner: pbg, pbg-gc, mbp, mbp-gc, dp or basenet.
+        weights: a file of the learned planners' weights; by default those shipped with the package.
+        key: for planners that draw random numbers; by default `jax.random.key(0)`.
+
+    Raises:
+        ValueError: there is no such planner, its weights can't be used, or (`PlanningError`) it can't serve the scene.
+    """
+    _, made = planner_for(scene, planner, weights)
+    return made(_arrays(scene), jax.random.key(0) if key is None else key)
+
+
+def execute(scene: NamedScene | Scene, plan: Plan) -> Outcome:
+    """The judge's verdict on a plan, per step and in total.
+
+    Args:
+        scene: one, or a batch of `Scene`; without a name for its robot it is planned for `ur5e_mobile`.
+        plan: of the same batch shape.
+    """
+    return _execute(_robot(_robot_name(scene)), _arrays(scene), plan)
+
+
+def plot_plan(scene: NamedScene | Scene, plan: Plan) -> "Figure":
+    """Top view of one scene and its plan, as a Matplotlib figure."""
+    from basenet_jax import plots  # Matplotlib takes half a second to import
+
+    return plots.plot_plan(_robot(_robot_name(scene)), _arrays(scene), plan, execute(scene, plan))
+
+
+def planner_for(
+    scene: NamedScene | Scene, name: str, weights: str | os.PathLike[str] | None = None
+) -> tuple[PlannerSetup, Planner]:
+    """A planner for a scene's robot and table, and what it was made for; made once and kept.
+
+    Raises:
+        ValueError: there is no such planner, or its weights can't be used.
+    """
+    table = jax.device_get(_arrays(scene).table)
+    path = None if weights is None else Path(weights)
+    # A file that was written anew is another one.
+    version = path.stat().st_mtime_ns if path is not None and path.exists() else None
+    sides = (float(table.half_size[0]), float(table.half_size[1]))
+    return _planner(name, _robot_name(scene), sides, float(table.height), path, version)
+
+
+@functools.lru_cache(maxsize=16)
+def _planner(
+    name: str, robot: str, half_size: tuple[float, float], height: float, weights: Path | None, version: int | None
+) -> tuple[PlannerSetup, Planner]:
+    del version
+    table = Table(half_size=jnp.array(half_size), height=jnp.array(height))
+    setup = PlannerSetup(_robot(robot), table, weights=weights)
+    return setup, registry.make_planner(name, setup)
+
+
+@functools.cache
+def _robot(name: str):
+    return jax.device_put(load_robot(name))
+
+
+def _robot_name(scene: NamedScene | Scene) -> str:
+    return scene.robot if isinstance(scene, NamedScene) else _DEFAULT_ROBOT
+
+
+def _arrays(scene: NamedScene | Scene) -> Scene:
+    return scene.arrays if isinstance(scene, NamedScene) else scene

@@ -1,0 +1,106 @@
+"""Means, spreads and 95 % intervals over scenes, and ratios between planners."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.stats
+from jaxtyping import Float
+
+from basenet_jax.evaluation.table import REFERENCE, Row, Scores
+
+CONFIDENCE = 0.95
+RESAMPLES = 2_000
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A mean over scenes with Student's t interval; of one scene only the mean is known."""
+
+    mean: float
+    sd: float | None
+    ci95: tuple[float, float] | None
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """A planner's N + G over another's, over the scenes where both grasp every object."""
+
+    scenes: int  # number of such scenes
+    share: float  # of all scenes
+    ratio: float | None  # of the means of N + G; None where there is no such scene
+    ci95: tuple[float, float] | None  # by bootstrap over scenes
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What a planner comes to on one set of scenes."""
+
+    planner: str
+    objects: int
+    scenes: int
+    figures: dict[str, Figure]  # grasped (share), planning_s, navigation_s, grasping_s, execution_s, total_s
+    compile_s: float  # by how much first calls took longer, all scenes together
+    disagreements: int
+    ratio_to_dp: Ratio | None  # None where DP wasn't run or refused
+
+
+def summarise(row: Row, rows: Sequence[Row]) -> Summary | None:
+    """The summary of a row, None if refused; `rows` are searched for DP on the same scenes."""
+    if row.scores is None:
+        return None
+    reference = next((each.scores for each in rows if (each.planner, each.objects) == (REFERENCE, row.objects)), None)
+    return Summary(
+        planner=row.planner,
+        objects=row.objects,
+        scenes=len(row.labels),
+        figures={
+            name: mean_figure(values, most=1.0 if name == "grasped" else np.inf)
+            for name, values in per_scene(row.scores, row.objects).items()
+        },
+        compile_s=float(row.scores.compile_s.sum()),
+        disagreements=int(row.scores.disagreements.sum()),
+        ratio_to_dp=None if reference is None else ratio(row.scores, reference, row.objects),
+    )
+
+
+def per_scene(scores: Scores, objects: int) -> dict[str, Float[np.ndarray, " B"]]:
+    """The table's figures on every scene: the share of objects grasped, and times in seconds."""
+    return {
+        "grasped": scores.grasped / objects,
+        "planning_s": scores.planning_s,
+        "navigation_s": scores.navigation_s,
+        "grasping_s": scores.grasping_s,
+        "execution_s": scores.execution_s,
+        "total_s": scores.total_s,
+    }
+
+
+def mean_figure(values: Float[np.ndarray, " B"], *, most: float = np.inf) -> Figure:
+    """Mean, standard deviation (of a sample) and Student's t interval of the mean, cut to 0 and `most`."""
+    mean, count = float(np.mean(values)), len(values)
+    if count < 2:
+        return Figure(mean, None, None)
+    sd = float(np.std(values, ddof=1))
+    half = float(scipy.stats.t.ppf(0.5 + CONFIDENCE / 2, count - 1)) * sd / count**0.5
+    return Figure(mean, sd, (max(mean - half, 0.0), min(mean + half, most)))
+
+
+def ratio(scores: Scores, reference: Scores, objects: int) -> Ratio:
+    """The ratio of mean N + G, planner over reference, over the scenes where both grasp every object.
+
+    The interval is the percentile bootstrap's over scenes, drawn in pairs with a fixed seed.
+    """
+    both = (scores.grasped == objects) & (reference.grasped == objects)
+    count, share = int(both.sum()), float(both.mean())
+    if count == 0:
+        return Ratio(0, share, None, None)
+    own, other = scores.execution_s[both], reference.execution_s[both]
+    value = float(own.mean() / other.mean())
+    if count < 2:
+        return Ratio(count, share, value, None)
+    draw = np.random.default_rng(0).integers(count, size=(RESAMPLES, count))
+    low, high = np.quantile(
+        own[draw].mean(axis=1) / other[draw].mean(axis=1), [0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2]
+    )
+    return Ratio(count, share, value, (float(low), float(high)))

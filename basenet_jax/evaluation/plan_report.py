@@ -1,0 +1,61 @@
+"""A plan as tables to read on a terminal."""
+
+import numpy as np
+from jaxtyping import Int
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table as RichTable
+from rich.text import Text
+
+from basenet_jax.task.picking import Reason
+from basenet_jax.task.plan import Outcome, Plan
+from basenet_jax.task.plan_file import reason_name
+from basenet_jax.world.scene import NamedScene
+
+
+def print_plan(scene: NamedScene, plan: Plan, outcome: Outcome) -> None:
+    """Prints the steps of one plan in order, and their totals, on stdout."""
+    steps = np.flatnonzero(np.asarray(outcome.is_step))
+    heads = ["#", "object", "x (m)", "y (m)", "heading\n(deg)", "N (s)", "G (s)"]
+    heads += ["not grasped"] if int(outcome.grasped) < len(steps) else []
+    table = RichTable(box=SIMPLE_HEAD)
+    for head in heads:
+        table.add_column(head, justify="left" if head in ("object", "not grasped") else "right", overflow="fold")
+    for number, step in enumerate(steps, start=1):
+        x, y, heading = np.asarray(plan.base_pose[step], float)
+        pose = (f"{x:.2f}", f"{y:.2f}", f"{np.degrees(heading):.0f}") if plan.served[step] else ("-", "-", "-")
+        times = (f"{float(outcome.navigation_time[step]):.1f}", f"{float(outcome.pick_time[step]):.1f}")
+        # As `Text`, since a name may look like rich's markup.
+        name = Text(scene.names[int(plan.object_index[step])])
+        cells = (str(number), name, *pose, *times, reason_name(outcome.reason[step]) or "")
+        table.add_row(*cells[: len(heads)])
+    Console().print(table)
+    navigation, picking, execution = (float(x) for x in (outcome.navigation, outcome.picking, outcome.execution))
+    totals = f"N {navigation:.1f} s + G {picking:.1f} s = {execution:.1f} s"
+    print(f"{int(outcome.grasped)} of {len(steps)} objects grasped, {totals}")
+
+
+def failures(scene: NamedScene, plan: Plan, outcome: Outcome) -> list[tuple[str, str]]:
+    """Names and reasons of the objects that executing the plan leaves on the table, in the plan's order."""
+    steps = np.flatnonzero(np.asarray(outcome.is_step & ~outcome.feasible))
+    return [(scene.names[int(plan.object_index[step])], str(reason_name(outcome.reason[step]))) for step in steps]
+
+
+def print_explanation(scene: NamedScene, counts: Int[np.ndarray, "M reasons"]) -> None:
+    """Prints, for each object, from how many candidate base poses it can be picked, and how many each rule excludes.
+
+    Args:
+        scene: the scene.
+        counts: of `planners.explanation.count_reasons`.
+    """
+    shown = (Reason.NONE, Reason.OUT_OF_REACH, Reason.NO_STRAIGHT_DESCENT, Reason.ARM_COLLIDES)
+    total = int(counts[0].sum())
+    print(f"from how many of {total} base poses of the grid, all clear of the table:")
+    table = RichTable(box=SIMPLE_HEAD)
+    table.add_column("object", overflow="fold")
+    for reason in shown:
+        first, _, last = (reason_name(reason) or "can be_picked").rpartition("_")
+        table.add_column(f"{first}\n{last}".replace("_", " "), justify="right")
+    for slot, name in enumerate(scene.names):
+        table.add_row(Text(name), *(str(counts[slot, reason]) for reason in shown))
+    Console().print(table)

@@ -1,0 +1,129 @@
+"""Plans of one planner for many scenes, and how long each of them took to make."""
+
+import contextlib
+import gc
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from basenet_jax.evaluation.scene_sets import SceneSet
+from basenet_jax.learning.progress import Reporter
+from basenet_jax.planners.protocol import Planner, PlannerSetup, PlanningError
+from basenet_jax.planners.registry import PLANNERS, MakePlanner
+from basenet_jax.planners.timed import TimedPlan, plan_timed
+from basenet_jax.task.plan import Plan
+from basenet_jax.world.scene import Scene, Table
+
+
+@dataclass(frozen=True)
+class Planned:
+    """One planner's plans for a set of B scenes."""
+
+    plans: Plan  # a batch of B
+    planning_s: Float[np.ndarray, " B"]  # P: the median of warm calls
+    compile_s: Float[np.ndarray, " B"]  # by how much each scene's first call took longer
+
+
+def choose_planners(names: Sequence[str]) -> dict[str, MakePlanner]:
+    """The planners of these names, each once, or of every name for `("all",)`.
+
+    Raises:
+        ValueError: there is none of a name.
+    """
+    names = tuple(PLANNERS) if tuple(names) == ("all",) else tuple(names)
+    if unknown := [name for name in names if name not in PLANNERS]:
+        raise ValueError(f"--planners: found {unknown[0]!r}, allowed are all, {', '.join(PLANNERS)}")
+    return {name: PLANNERS[name] for name in names}
+
+
+class Planners:
+    """A planner by its name for every table that scenes stand on, each made once.
+
+    Args:
+        factories: by name, what makes a planner.
+        setup: robot, world, grid and weights; its table is replaced by the scenes'.
+    """
+
+    def __init__(self, factories: dict[str, MakePlanner], setup: PlannerSetup):
+        self.names = tuple(factories)
+        self.setup = setup
+        self._factories = factories
+        self._setups: dict[tuple[float, ...], PlannerSetup] = {}
+        self._planners: dict[tuple[str, tuple[float, ...]], Planner] = {}
+
+    def get(self, name: str, table: Table) -> Planner:
+        """The planner of a name for a concrete table.
+
+        Raises:
+            ValueError: its weights can't be used.
+        """
+        size = (*np.asarray(table.half_size).tolist(), float(table.height))
+        if size not in self._setups:
+            self._setups[size] = self.setup.with_table(table)
+        if (name, size) not in self._planners:
+            self._planners[name, size] = self._factories[name](self._setups[size])
+        return self._planners[name, size]
+
+
+def plan_all(
+    planners: Planners, name: str, scenes: SceneSet, *, repeats: int, seed: int, reporter: Reporter
+) -> Planned:
+    """Plans scene after scene, as a robot would be served, and times each plan warm, the garbage collector off.
+
+    Args:
+        planners: the planners.
+        name: of the one to run.
+        scenes: the scenes.
+        repeats: warm calls per scene, fewer where they take long (see `plan_timed`).
+        seed: of planners that draw random numbers.
+        reporter: told of every scene.
+
+    Raises:
+        PlanningError: the planner refuses a scene; the message names the scene.
+        RuntimeError: a plan doesn't have each object exactly once.
+    """
+    timed: list[TimedPlan] = []
+    keys = jax.random.split(jax.random.key(seed), len(scenes))
+    reporter.start(f"{scenes.objects} objects, {name}", len(scenes), unit="scenes")
+    try:
+        for index, label in enumerate(scenes.labels):
+            scene = scenes.scene(index)
+            planner = planners.get(name, scene.table)
+            jax.block_until_ready((scene, keys))
+            try:
+                with _no_garbage_collection():
+                    timed.append(plan_timed(planner, scene, keys[index], repeats=repeats))
+            except PlanningError as error:
+                raise PlanningError(f"scene {label}: {error}") from error
+            _check_complete(timed[-1].plan, scene, f"{name}, scene {label}")
+            reporter.update(index + 1, {"P (s)": float(np.median([each.planning_time_s for each in timed]))})
+    finally:
+        reporter.finish()
+    return Planned(
+        plans=jax.tree.map(lambda *leaves: jnp.stack(leaves), *(each.plan for each in timed)),
+        planning_s=np.array([each.planning_time_s for each in timed]),
+        compile_s=np.array([each.compile_time_s for each in timed]),
+    )
+
+
+@contextlib.contextmanager
+def _no_garbage_collection() -> Iterator[None]:
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
+
+
+def _check_complete(plan: Plan, scene: Scene, where: str) -> None:
+    """A plan with an object twice would be paid for it twice."""
+    found = sorted(int(slot) for slot in plan.object_index if slot >= 0)
+    wanted = np.flatnonzero(scene.mask).tolist()
+    if found != wanted:
+        raise RuntimeError(f"{where}: found steps for the slots {found}, each of {wanted} is needed once")

@@ -1,0 +1,96 @@
+"""From what a user asks for to planners and scenes, with every wrong wish refused before any work."""
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jax
+
+from basenet_jax.evaluation import provenance
+from basenet_jax.evaluation.planning import Planners, choose_planners
+from basenet_jax.evaluation.scene_sets import SceneSet, load_sets, random_set
+from basenet_jax.planners.protocol import PlannerSetup
+from basenet_jax.robot.reading import load_robot
+from basenet_jax.world.scene import MAX_OBJECTS
+
+DEFAULT_OBJECTS, DEFAULT_SCENES = (5, 10), 50
+
+
+@dataclass(frozen=True)
+class Request:
+    """An evaluation as the command line asks for it; see `basenet_jax.evaluate`."""
+
+    out: Path
+    objects: tuple[int, ...] | None
+    scenes: int | None
+    planners: tuple[str, ...]
+    scene_dir: Path | None
+    seed: int
+    repeats: int
+    weights: Path | None
+
+
+def prepare(request: Request, arguments: list[str]) -> tuple[Planners, list[SceneSet], dict[str, Any]]:
+    """The planners, the scenes, and what the results are made with (see `table_files.write_tables`).
+
+    Args:
+        request: what is asked for.
+        arguments: the command's, for the record.
+
+    Raises:
+        ValueError: something asked for can't be had; the message says what was found and what is allowed.
+    """
+    _check_numbers(request)
+    factories = choose_planners(request.planners)
+    _make_folder(request.out)
+    setup, sets, source = _scenes(request)
+    planners = Planners(factories, setup)
+    for name in planners.names:  # so that bad weights are refused before hours of work
+        planners.get(name, sets[0].scene(0).table)
+    about = {
+        "command": provenance.command("basenet_jax.evaluate", arguments),
+        "scenes": source,
+        "seed": request.seed,
+        "repeats": request.repeats,
+        "weights": provenance.weights_fingerprint(request.weights),
+        "versions": provenance.versions(),
+        "hardware": provenance.hardware(),
+    }
+    return planners, sets, about
+
+
+def _scenes(request: Request) -> tuple[PlannerSetup, list[SceneSet], str]:
+    """The planners' setup, the scenes, and in words where they come from."""
+    if request.scene_dir is not None:
+        robot, sets = load_sets(request.scene_dir)
+        setup = PlannerSetup(robot=jax.device_put(load_robot(robot)), weights=request.weights)
+        return setup, sets, f"{sum(map(len, sets))} files of {request.scene_dir.name}"
+    setup = PlannerSetup(weights=request.weights)
+    count, objects = request.scenes or DEFAULT_SCENES, tuple(dict.fromkeys(request.objects or DEFAULT_OBJECTS))
+    sets = [random_set(number, count, seed=request.seed, world=setup.world) for number in objects]
+    numbers = " / ".join(map(str, objects))
+    return setup, sets, f"{count} random ones with {numbers} objects each, seed {request.seed}"
+
+
+def _check_numbers(request: Request) -> None:
+    if request.scene_dir is not None and (request.objects is not None or request.scenes is not None):
+        raise ValueError("--scene-dir: its files say what the scenes are; leave out --objects and --scenes")
+    for number in request.objects or ():
+        if not 1 <= number <= MAX_OBJECTS:
+            raise ValueError(f"--objects: found {number}, allowed are 1 to {MAX_OBJECTS}")
+    for name, number in (("scenes", request.scenes), ("repeats", request.repeats)):
+        if number is not None and number < 1:
+            raise ValueError(f"--{name}: found {number}, allowed are 1 and more")
+    if not 0 <= request.seed < 2**32:
+        raise ValueError(f"--seed: found {request.seed}, allowed are 0 to {2**32 - 1}")
+
+
+def _make_folder(folder: Path) -> None:
+    """Makes sure that results can be written, before any work is done for them."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise ValueError(f"--out: {folder} can't be written: {error.strerror}") from error

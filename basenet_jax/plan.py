@@ -1,0 +1,133 @@
+"""Plans one scene: `python -m basenet_jax.plan scene.yaml --out plan.json`."""
+
+import io
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from basenet_jax.atomic import write_atomically
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from basenet_jax.planners.protocol import PlannerSetup
+    from basenet_jax.planners.timed import TimedPlan
+    from basenet_jax.world.scene import NamedScene
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Plans where the robot parks and in which order it picks the objects of a scene, and prints the plan.
+
+    Base poses are x, y (m) and heading (degrees) in the table frame: its origin is on the floor under the table's
+    centre, x runs along the table's long side. N is navigation time, G grasping time, both in seconds. Exit codes:
+    0 done, 2 bad input, 3 a plan was made but some objects can't be grasped (they are listed with the reason).
+    """
+
+    scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
+    """Scene file, YAML or JSON."""
+    out: Path | None = None
+    """Where to write the plan, as JSON (m, rad, s). Default: it is only printed."""
+    planner: str = "basenet"
+    """pbg, pbg-gc, mbp, mbp-gc, dp or basenet."""
+    weights: Path | None = None
+    """Of the learned planners, as training writes them; the others need none. Default: the packaged ones."""
+    picture: Path | None = None
+    """Where to draw the plan: a name ending in .png, .pdf or .svg."""
+    explain: bool = False
+    """Also print from how many base poses of the grid each object can be picked, and what rules out the rest."""
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Runs the command and returns its exit code."""
+    options = tyro.cli(Arguments, args=arguments, prog="python -m basenet_jax.plan")
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # a terminal may know fewer letters than the names of objects
+    try:
+        return _plan(options)
+    except KeyboardInterrupt:
+        return _fail(130, "interrupted")
+
+
+def _plan(options: Arguments) -> int:
+    # Here and not above: JAX and MuJoCo take seconds to import, which --help needn't wait for.
+    import jax
+    from rich.console import Console
+
+    from basenet_jax.api import planner_for
+    from basenet_jax.compilation import enable_cache
+    from basenet_jax.evaluation.outputs import check_different, check_output_file
+    from basenet_jax.planners.protocol import PlanningError
+    from basenet_jax.planners.timed import plan_timed
+    from basenet_jax.world.scene_file import load_scene
+
+    enable_cache()
+    try:
+        check_different({"SCENE": options.scene, "--out": options.out, "--picture": options.picture})
+        if options.out:
+            check_output_file("--out", options.out)
+        if options.picture:
+            check_output_file("--picture", options.picture, (".png", ".pdf", ".svg"))
+        scene = load_scene(options.scene)
+        setup, planner = planner_for(scene, options.planner, options.weights)
+    except ValueError as error:
+        return _fail(2, str(error))
+    try:
+        with Console(stderr=True).status("planning (a machine's first time is mostly compiling)"):
+            timed = plan_timed(planner, scene.arrays, jax.random.key(0))
+    except PlanningError as error:
+        return _fail(2, f"{options.scene}: {error}")
+    return _report(options, scene, setup, timed)
+
+
+def _report(options: Arguments, scene: "NamedScene", setup: "PlannerSetup", timed: "TimedPlan") -> int:
+    """Has the plan judged, writes it and prints it; the exit code."""
+    import jax
+
+    from basenet_jax import api
+    from basenet_jax.evaluation.plan_report import failures, print_explanation, print_plan
+    from basenet_jax.planners.explanation import count_reasons
+    from basenet_jax.task.plan_file import save_plan
+
+    outcome = jax.device_get(api.execute(scene, timed.plan))
+    # All is made before anything is written.
+    picture = _draw(api.plot_plan(scene, timed.plan), options.picture) if options.picture else b""
+    counts = count_reasons(setup, scene.arrays) if options.explain else None
+    times = {"planning_time_s": timed.planning_time_s, "compile_time_s": timed.compile_time_s}
+    path = options.out
+    try:
+        if path:
+            save_plan(path, scene, timed.plan, outcome, planner=options.planner, **times)
+        path = options.picture
+        if path:
+            write_atomically(path, picture)
+    except OSError as error:
+        return _fail(2, f"{path}: can't be written: {error.strerror}")
+    print_plan(scene, timed.plan, outcome)
+    compiled = f"compiled before, in {timed.compile_time_s:.3g} s"
+    print(f"planned by {options.planner} in {timed.planning_time_s:.3g} s ({compiled})")
+    if counts is not None:
+        print_explanation(scene, counts)
+    failed = failures(scene, timed.plan, outcome)
+    if not failed:
+        return 0
+    lines = "".join(f"\n  {name}: {reason}" for name, reason in failed)
+    return _fail(3, f"{len(failed)} of {len(scene.names)} objects can't be grasped:{lines}")
+
+
+def _draw(figure: "Figure", path: Path) -> bytes:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format=path.suffix.lower()[1:], dpi=150)
+    return buffer.getvalue()
+
+
+def _fail(code: int, message: str) -> int:
+    print(f"basenet_jax.plan: {message}", file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

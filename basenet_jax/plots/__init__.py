@@ -1,0 +1,19 @@
+"""Pictures of plans and maps: data in, Matplotlib figures or images out."""
+
+from basenet_jax.plots.comparison import PlannedScene, plot_comparison
+from basenet_jax.plots.drawing import CLASS_COLORS
+from basenet_jax.plots.plan import plot_plan
+from basenet_jax.plots.reachability import plot_reachability
+from basenet_jax.plots.render import RenderError, render_plan, render_video, save_video
+
+__all__ = [
+    "CLASS_COLORS",
+    "PlannedScene",
+    "RenderError",
+    "plot_comparison",
+    "plot_plan",
+    "plot_reachability",
+    "render_plan",
+    "render_video",
+    "save_video",
+]

@@ -1,0 +1,182 @@
+"""What pictures of plans are made of: table, objects, stops, drives, and the legend that explains them."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib import patheffects
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Patch, Polygon
+from numpy.typing import ArrayLike
+
+from basenet_jax.plots.arm_reach import arm_reach
+from basenet_jax.robot.model import Robot
+from basenet_jax.task.navigation import navigation_path
+from basenet_jax.task.plan import Outcome, Plan
+from basenet_jax.world.scene import OBJECT_CLASSES, Scene
+
+# Okabe and Ito's palette, told apart with any colour vision: one colour for each class, the last for users' own.
+CLASS_COLORS = ("#D55E00", "#56B4E9", "#F0E442", "#009E73", "#CC79A7", "#999999")
+CLASS_NAMES = (*(kind.name.replace("_", " ") for kind in OBJECT_CLASSES), "own class")
+BASE, PATH, PICK, FAILED, REACH = "#1B3A5C", "#7A93AC", "#8C8C8C", "#B00020", "#0072B2"
+_BASE_FACE = (0.11, 0.23, 0.36, 0.16)
+_REACH_ALPHA = 0.10
+_HALO = (patheffects.withStroke(linewidth=2.5, foreground="white"),)  # keeps numbers readable on lines
+
+
+def draw_plan(axes: Axes, robot: Robot, scene: Scene, plan: Plan, outcome: Outcome, size: float = 9.0) -> None:
+    """Draws one plan from above, in metres in W.
+
+    Args:
+        axes: to draw on.
+        robot: the robot.
+        scene: one concrete scene.
+        plan: of that scene.
+        outcome: of executing it.
+        size: of the numbers, in points.
+    """
+    table = Polygon(rectangle((0.0, 0.0, 0.0), scene.table.half_size), fc="#EFE6D8", ec="#8A7A60", zorder=1)
+    axes.add_patch(table)
+    _draw_reach(axes, robot, scene, plan, outcome, table)
+    _draw_objects(axes, scene, plan, outcome, size)
+    _draw_stops(axes, robot, scene, plan, outcome, size)
+    axes.set_aspect("equal")
+    axes.autoscale_view()
+    axes.grid(color="#DDDDDD", linewidth=0.5, zorder=0)
+    axes.set_axisbelow(True)
+
+
+def legend_handles(scenes: Sequence[Scene], failures: bool) -> list[Any]:
+    """One entry for every kind of thing drawn; classes only if present."""
+    present = sorted({int(scene.object_class[slot]) for scene in scenes for slot in np.flatnonzero(scene.mask)})
+    handles: list[Any] = [
+        Patch(facecolor=CLASS_COLORS[i], edgecolor="black", lw=0.8, label=CLASS_NAMES[i])
+        for i in (*(index for index in present if index >= 0), *(index for index in present if index < 0))
+    ]
+    handles += [
+        Line2D([], [], color="black", lw=1.6, label="grasp (gripper axis)"),
+        Line2D([], [], color="black", marker="$3$", ls="", ms=6, label="order of the picks"),
+        Patch(facecolor=_BASE_FACE, edgecolor=BASE, label="base and the picks made there"),
+        Line2D([], [], color=BASE, lw=3, label="front of the base"),
+        Line2D([], [], color=BASE, marker="o", ls="", ms=4.5, label="arm mount"),
+        Patch(facecolor=REACH, alpha=2 * _REACH_ALPHA, label="arm's reach on the table"),
+        Line2D([], [], color=PICK, lw=0.8, label="pick"),
+        Line2D([], [], color=PATH, lw=1.4, ls=(0, (5, 2)), label="drive"),
+    ]
+    if failures:
+        handles.append(Line2D([], [], color=FAILED, marker="x", ls="", mew=2, ms=7, label="not grasped"))
+    return handles
+
+
+def rectangle(pose: ArrayLike, half: ArrayLike) -> np.ndarray:
+    """The corners (4, 2) of a rectangle at a pose (x, y, heading)."""
+    signs = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)])
+    return to_world(pose, signs * np.asarray(half))
+
+
+def to_world(pose: ArrayLike, points: np.ndarray) -> np.ndarray:
+    """Points (N, 2) of the frame at a pose, in the pose's parent."""
+    pose = np.asarray(pose)
+    cosine, sine = np.cos(pose[2]), np.sin(pose[2])
+    return points @ np.array([[cosine, sine], [-sine, cosine]]) + pose[:2]
+
+
+def _stops(plan: Plan, outcome: Outcome) -> dict[tuple[float, ...], list[int]]:
+    """The numbers of the steps made at each different base pose, from 1."""
+    stops: dict[tuple[float, ...], list[int]] = {}
+    for step in np.flatnonzero(outcome.is_step & plan.served):
+        stops.setdefault(tuple(np.round(plan.base_pose[step], 6).tolist()), []).append(int(step) + 1)
+    return stops
+
+
+def _mount(robot: Robot, pose: ArrayLike) -> np.ndarray:
+    return to_world(pose, np.asarray(robot.mount_position)[None, :2])[0]
+
+
+def _draw_reach(axes: Axes, robot: Robot, scene: Scene, plan: Plan, outcome: Outcome, table: Polygon) -> None:
+    """From each stop, the part of the table in reach at the lowest grasp's height; overlaps are darker."""
+    stops = _stops(plan, outcome)
+    if not stops:
+        return
+    _, farthest = arm_reach(robot, float(np.min(np.asarray(scene.grasps)[np.asarray(scene.mask), 2])))
+    for pose in stops:
+        x, y = _mount(robot, pose)
+        disc = Circle((x, y), farthest, facecolor=REACH, alpha=_REACH_ALPHA, edgecolor="none", zorder=1.5)
+        axes.add_artist(disc)
+        disc.set_clip_path(table)
+
+
+def _draw_objects(axes: Axes, scene: Scene, plan: Plan, outcome: Outcome, size: float) -> None:
+    """Rectangles by class, their grasps, and the number of the step that picks them."""
+    for slot in np.flatnonzero(scene.mask):
+        pose, extent = scene.object_pose[slot], scene.object_size[slot]
+        color = CLASS_COLORS[int(scene.object_class[slot])]
+        axes.add_patch(Polygon(rectangle(pose, extent[:2] / 2), fc=color, ec="black", lw=0.8, zorder=3))
+        x, y, _, yaw = scene.grasps[slot]
+        span = 0.05 * np.array([-np.sin(yaw), np.cos(yaw)])
+        axes.plot([x - span[0], x + span[0]], [y - span[1], y + span[1]], color="black", lw=1.6, zorder=4)
+        for step in np.flatnonzero(plan.object_index == slot):
+            failed = not outcome.feasible[step]
+            if failed:
+                axes.plot(pose[0], pose[1], "x", color=FAILED, mew=2, ms=size, zorder=7)
+            above = float(pose[1]) + 0.5 * float(np.hypot(extent[0], extent[1]))
+            label = axes.annotate(str(step + 1), (float(pose[0]), above), ha="center", va="bottom", zorder=7)
+            label.set(fontsize=size - 1, weight="bold", color=FAILED if failed else "black", path_effects=_HALO)
+
+
+def _draw_stops(axes: Axes, robot: Robot, scene: Scene, plan: Plan, outcome: Outcome, size: float) -> None:
+    """The start, every different base pose with the steps made there, the driven path, and the picks."""
+    _draw_base(axes, robot, scene.robot_start, hollow=True)
+    _write(axes, scene.robot_start, "start", size)
+    before = scene.robot_start
+    for step in np.flatnonzero(outcome.is_step & plan.served):
+        pose = plan.base_pose[step]
+        if float(outcome.navigation_time[step]) > 0:
+            path = navigation_path(robot, before, pose, scene.table)
+            axes.plot(path[:, 0], path[:, 1], color=PATH, lw=1.4, ls=(0, (5, 2)), zorder=2)
+            before = pose
+        grasp, mount = scene.grasps[plan.object_index[step]], _mount(robot, pose)
+        if outcome.feasible[step]:
+            axes.plot([mount[0], grasp[0]], [mount[1], grasp[1]], color=PICK, lw=0.8, zorder=2)
+    stops = _stops(plan, outcome)
+    for (pose, numbers), place in zip(stops.items(), _apart([pose[:2] for pose in stops]), strict=True):
+        _draw_base(axes, robot, np.array(pose))
+        _write(axes, place, short_list(numbers), size)
+
+
+def short_list(numbers: Sequence[int]) -> str:
+    """Increasing numbers as text, with runs of three and more shortened: 1, 2, 5-8."""
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and number == runs[-1][-1] + 1:
+            runs[-1].append(number)
+        else:
+            runs.append([number])
+    return ", ".join(f"{run[0]}-{run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs)
+
+
+def _apart(places: Sequence[Sequence[float]]) -> list[tuple[float, float]]:
+    """Places (m) for labels, each as near to where it belongs as those before it leave room, above or below."""
+    wide, high = 0.4, 0.16  # m that a label takes
+    taken: list[tuple[float, float]] = []
+    for x, y in places:
+        tries = [(x, y + sign * lines * high) for lines in range(len(places) + 1) for sign in (1, -1)]
+        free = (spot for spot in tries if all(abs(x - u) >= wide or abs(spot[1] - v) >= 0.99 * high for u, v in taken))
+        taken.append(next(free, tries[0]))
+    return taken
+
+
+def _write(axes: Axes, place: ArrayLike, label: str, size: float) -> None:
+    x, y = np.asarray(place, float)[:2]
+    text = axes.annotate(label, (float(x), float(y)), ha="center", va="center", weight="bold", zorder=8)
+    text.set(fontsize=size, color=BASE, path_effects=_HALO)
+
+
+def _draw_base(axes: Axes, robot: Robot, pose: ArrayLike, hollow: bool = False) -> None:
+    half = np.asarray(robot.footprint_half_size)
+    face = "none" if hollow else _BASE_FACE
+    axes.add_patch(Polygon(rectangle(pose, half), facecolor=face, edgecolor=BASE, lw=1.1, zorder=5))
+    front = to_world(pose, np.array([[half[0], -0.6 * half[1]], [half[0], 0.6 * half[1]]]))
+    axes.plot(front[:, 0], front[:, 1], color=BASE, lw=3, solid_capstyle="butt", zorder=6)
+    axes.plot(*_mount(robot, pose), "o", color=BASE, ms=4.5, zorder=6)

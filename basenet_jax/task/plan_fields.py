@@ -1,0 +1,84 @@
+"""The fields of the plan file, `basenet-plan/1`."""
+
+from typing import Annotated
+
+from msgspec import Meta, Struct
+
+from basenet_jax.world.scene import MAX_OBJECTS
+
+FORMAT = "basenet-plan/1"
+
+_Duration = Annotated[float, Meta(ge=0, le=1e9)]
+_Count = Annotated[int, Meta(ge=0, le=MAX_OBJECTS)]
+_Coordinate = Annotated[float, Meta(ge=-1000, le=1000)]
+
+
+class ArmFields(Struct, forbid_unknown_fields=True):
+    """Joint angles (rad) at the pre-grasp and at the grasp."""
+
+    pre_grasp: list[float]
+    grasp: list[float]
+
+
+class StepFields(Struct, forbid_unknown_fields=True):
+    """One step: where the base parks for an object, and what comes of it. Nulls where there is nothing to say."""
+
+    object: str
+    base_pose: tuple[_Coordinate, _Coordinate, _Coordinate] | None  # (x, y, heading) in W
+    feasible: bool
+    reason: str | None  # a `Reason`'s name in small letters
+    navigation_time_s: _Duration
+    pick_time_s: _Duration
+    arm: ArmFields | None
+
+
+class TotalsFields(Struct, forbid_unknown_fields=True):
+    """What executing the whole plan comes to."""
+
+    objects: _Count
+    grasped: _Count
+    navigation_s: _Duration
+    picking_s: _Duration
+    execution_s: _Duration
+
+
+class PlanFields(Struct, forbid_unknown_fields=True, kw_only=True):
+    """The whole file."""
+
+    format: str = FORMAT
+    planner: str
+    robot: str
+    planning_time_s: _Duration
+    compile_time_s: _Duration
+    steps: Annotated[list[StepFields], Meta(max_length=MAX_OBJECTS)]
+    totals: TotalsFields
+
+
+_SECONDS = "is a number from 0 on (s)"
+
+# By path, for messages.
+ALLOWED = {
+    "format": f"is {FORMAT!r}",
+    "planner": "is a planner's name",
+    "robot": "is a robot's name",
+    "planning_time_s": _SECONDS,
+    "compile_time_s": _SECONDS,
+    "steps": f"is a list of up to {MAX_OBJECTS} steps",
+    "steps[]": "is a mapping that describes one step",
+    "steps[].object": "is the name of one of the scene's objects",
+    "steps[].base_pose": "is [x, y, heading], three numbers (m, m, rad), or null",
+    "steps[].base_pose[]": "is a number from -1000 to 1000 (m or rad)",
+    "steps[].feasible": "is true or false",
+    "steps[].reason": "is a text or null",
+    "steps[].navigation_time_s": _SECONDS,
+    "steps[].pick_time_s": _SECONDS,
+    "steps[].arm": "is a mapping of joint angles, or null",
+    "steps[].arm.pre_grasp": "is a list of joint angles (rad)",
+    "steps[].arm.grasp": "is a list of joint angles (rad)",
+    "totals": "is a mapping of counts and times",
+    "totals.objects": "is a whole number",
+    "totals.grasped": "is a whole number",
+    "totals.navigation_s": _SECONDS,
+    "totals.picking_s": _SECONDS,
+    "totals.execution_s": _SECONDS,
+}

@@ -1,0 +1,135 @@
+"""Plan files, `basenet-plan/1`: what a robot, or a person, needs of a plan."""
+
+import os
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from basenet_jax.atomic import write_atomically
+from basenet_jax.task.picking import Reason
+from basenet_jax.task.plan import Outcome, Plan
+from basenet_jax.task.plan_fields import ALLOWED, FORMAT, ArmFields, PlanFields, StepFields, TotalsFields
+from basenet_jax.world.documents import read_json, to_json
+from basenet_jax.world.fields import DocumentError, convert, describe, field_error, shortest
+from basenet_jax.world.scene import NamedScene
+
+REASONS = {reason.name.lower(): reason for reason in Reason if reason != Reason.NONE}
+
+
+class PlanFileError(ValueError):
+    """A file that holds no plan of the scene; the message names the file, the field, what was found and allowed."""
+
+
+def save_plan(
+    path: str | os.PathLike[str],
+    scene: NamedScene,
+    plan: Plan,
+    outcome: Outcome,
+    *,
+    planner: str,
+    planning_time_s: float,
+    compile_time_s: float,
+) -> None:
+    """Writes a plan file, whole or not at all. Its decimals give back the same float32 values.
+
+    Args:
+        path: of the file; the folder must be there.
+        scene: the scene that was planned.
+        plan: one plan, not a batch.
+        outcome: of executing it.
+        planner: its maker's name.
+        planning_time_s: what making it took (s), compiled ahead of time.
+        compile_time_s: what compiling took (s).
+
+    Raises:
+        OSError: the file can't be written.
+        ValueError: the outcome holds an infinite number.
+    """
+    plan, outcome = jax.device_get((plan, outcome))
+    steps = [_step(scene, plan, outcome, int(step)) for step in np.flatnonzero(outcome.is_step)]
+    totals = TotalsFields(
+        objects=len(steps),
+        grasped=int(outcome.grasped),
+        navigation_s=shortest(outcome.navigation),
+        picking_s=shortest(outcome.picking),
+        execution_s=shortest(outcome.execution),
+    )
+    content = PlanFields(
+        planner=planner,
+        robot=scene.robot,
+        planning_time_s=shortest(planning_time_s),
+        compile_time_s=shortest(compile_time_s),
+        steps=steps,
+        totals=totals,
+    )
+    write_atomically(path, to_json(content))
+
+
+def load_plan(path: str | os.PathLike[str], scene: NamedScene) -> Plan:
+    """Reads the plan of a scene: the order and the base poses. The outcome is for `execute` to say.
+
+    Returns:
+        The plan in float32, unbatched, with the scene's slots.
+
+    Raises:
+        PlanFileError: the file can't be read, or isn't a plan of that scene.
+    """
+    try:
+        content = convert(read_json(path), PlanFields, format_name=FORMAT, allowed=ALLOWED)
+        _check(content, scene)
+    except DocumentError as error:
+        raise PlanFileError(f"{path}: {error}") from None
+    slots = scene.arrays.mask.shape[-1]
+    index, served = np.full(slots, -1, np.int32), np.zeros(slots, bool)
+    pose, reason = np.zeros((slots, 3), np.float32), np.zeros(slots, np.int32)
+    for number, step in enumerate(content.steps):
+        index[number] = scene.names.index(step.object)
+        served[number] = step.base_pose is not None
+        pose[number] = step.base_pose or (0.0, 0.0, 0.0)
+        reason[number] = 0 if step.base_pose else REASONS[str(step.reason)]
+    return Plan(*(jnp.asarray(leaf) for leaf in (index, pose, served, reason)))
+
+
+def reason_name(reason: Any) -> str | None:
+    """A `Reason` as plan files spell it, such as "out_of_reach"; None for none."""
+    return Reason(int(reason)).name.lower() if int(reason) else None
+
+
+def _step(scene: NamedScene, plan: Plan, outcome: Outcome, step: int) -> StepFields:
+    feasible, joints = bool(outcome.feasible[step]), outcome.joints[step]
+    return StepFields(
+        object=scene.names[int(plan.object_index[step])],
+        base_pose=tuple(shortest(plan.base_pose[step])) if plan.served[step] else None,
+        feasible=feasible,
+        reason=reason_name(outcome.reason[step]),
+        navigation_time_s=shortest(outcome.navigation_time[step]),
+        pick_time_s=shortest(outcome.pick_time[step]),
+        arm=ArmFields(pre_grasp=shortest(joints[0]), grasp=shortest(joints[-1])) if feasible else None,
+    )
+
+
+def _check(plan: PlanFields, scene: NamedScene) -> None:
+    """That it is a plan of this scene: each object once, those that no pose serves last."""
+    if plan.robot != scene.robot:
+        raise field_error("robot", describe(plan.robot), f"is the scene's, {scene.robot!r}")
+    names = [step.object for step in plan.steps]
+    for number, step in enumerate(plan.steps):
+        path = f"steps[{number}]"
+        if step.object not in scene.names:
+            raise field_error(f"{path}.object", describe(step.object), f"are the scene's: {', '.join(scene.names)}")
+        if (first := names.index(step.object)) < number:
+            raise field_error(f"{path}.object", f"{step.object!r}, the object of steps[{first}]", "is each object once")
+        if step.base_pose is not None and any(earlier.base_pose is None for earlier in plan.steps[:number]):
+            raise field_error(f"{path}.base_pose", "a pose after a step with none", "are steps without a pose last")
+        _check_reason(step, path)
+    if missing := [name for name in scene.names if name not in names]:
+        raise field_error("steps", f"no step for {missing[0]!r}", "is one step for each object of the scene")
+
+
+def _check_reason(step: StepFields, path: str) -> None:
+    if step.feasible and (step.base_pose is None or step.arm is None or step.reason is not None):
+        raise field_error(f"{path}.feasible", "true", "is true only with base_pose and arm, and with reason null")
+    if not step.feasible and step.reason not in REASONS:
+        raise field_error(f"{path}.reason", describe(step.reason), f"are {', '.join(REASONS)} where not feasible")

@@ -1,0 +1,80 @@
+"""What a scene must be beyond having the right fields."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from msgspec import UNSET
+
+from basenet_jax.config import PickConfig, SceneConfig
+from basenet_jax.robot.reading import load_robot, packaged_robots
+from basenet_jax.world.clearance import base_collides
+from basenet_jax.world.fields import describe, field_error
+from basenet_jax.world.generate import footprint_radius
+from basenet_jax.world.scene import Table
+from basenet_jax.world.scene_fields import CLASSES, ObjectFields, RobotFields, SceneFields, make_table, size_of
+
+OVERLAP_TOLERANCE_M = 1e-3
+_SIZE_AND_GRASP = "are size and grasp, both and without class"
+_base_collides = jax.jit(base_collides)
+
+
+def check_scene(scene: SceneFields) -> None:
+    """What types and bounds can't say: names, classes, objects on the table and apart, the robot clear of it.
+
+    Raises:
+        DocumentError: the message names the field, what was found and what is allowed.
+    """
+    _check_names([item.name for item in scene.objects])
+    for index, item in enumerate(scene.objects):
+        _check_kind(item, f"objects[{index}]")
+        for axis, side in enumerate(scene.table.size):
+            if abs(item.pose[axis]) > side / 2:
+                found = f"{item.pose[axis]}, off the table"
+                raise field_error(f"objects[{index}].pose[{axis}]", found, f"is {-side / 2} to {side / 2}")
+    _check_apart(scene.objects)
+    _check_robot(scene.robot, make_table(scene.table))
+
+
+def _check_names(names: list[str]) -> None:
+    for index, name in enumerate(names):
+        path = f"objects[{index}].name"
+        if not 1 <= len(name) <= 64 or not name.isprintable() or name != name.strip():
+            raise field_error(path, describe(name), "are 1 to 64 printable characters, with no space at the ends")
+        if (first := names.index(name)) < index:
+            raise field_error(path, f"{describe(name)}, the name of objects[{first}] too", "is a name of its own")
+
+
+def _check_kind(item: ObjectFields, path: str) -> None:
+    own = {"size": item.size, "grasp": item.grasp}
+    given = [key for key, value in own.items() if value is not UNSET]
+    if item.class_ is UNSET:
+        for key in own:
+            if key not in given:
+                found = "nothing" if given else "neither class nor size and grasp"
+                allowed = "are a class, or size and grasp" if not given else _SIZE_AND_GRASP
+                raise field_error(f"{path}.{key if given else 'class'}", found, allowed)
+    elif given:
+        raise field_error(f"{path}.{given[0]}", "it beside class", _SIZE_AND_GRASP)
+    elif item.class_ not in CLASSES:
+        allowed = f"are {', '.join(CLASSES)} (or size and grasp without class)"
+        raise field_error(f"{path}.class", describe(item.class_), allowed)
+
+
+def _check_apart(objects: list[ObjectFields]) -> None:
+    position = np.array([item.pose[:2] for item in objects])
+    radius = np.asarray(footprint_radius(jnp.array([size_of(item) for item in objects]), SceneConfig()), float)
+    distance = np.linalg.norm(position[:, None] - position[None], axis=-1)
+    needed = radius[:, None] + radius[None] - OVERLAP_TOLERANCE_M
+    for second, first in np.argwhere(np.tril(distance < needed, k=-1))[:1]:
+        found = f"{distance[second, first]:.4f} m to the centre of objects[{first}] ({describe(objects[first].name)})"
+        raise field_error(f"objects[{second}].pose", found, f"are {needed[second, first]:.4f} m and more")
+
+
+def _check_robot(robot: RobotFields, table: Table) -> None:
+    if robot.model not in packaged_robots():
+        raise field_error("robot.model", describe(robot.model), f"are {', '.join(packaged_robots())}")
+    rule = PickConfig()
+    start = jnp.array(robot.start)
+    if _base_collides(load_robot(robot.model), start, table, rule.base_clearance_m, rule.touching_m):
+        found = f"{list(robot.start)}, where the base touches the table or its margin"
+        raise field_error("robot.start", found, f"are poses more than {rule.base_clearance_m} m clear of the table")

@@ -1,0 +1,108 @@
+"""Scene files, `basenet-scene/1`: what a user writes, read with every check that planning needs."""
+
+import os
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import msgspec
+import numpy as np
+
+from basenet_jax.atomic import write_atomically
+from basenet_jax.world.documents import read_json, read_yaml, to_json
+from basenet_jax.world.fields import DocumentError, convert, shortest
+from basenet_jax.world.scene import OBJECT_CLASSES, NamedScene, Scene
+from basenet_jax.world.scene_checks import check_scene
+from basenet_jax.world.scene_fields import (
+    ALLOWED,
+    CLASSES,
+    FORMAT,
+    GraspFields,
+    ObjectFields,
+    RobotFields,
+    SceneFields,
+    TableFields,
+    grasp_of,
+    make_table,
+    size_of,
+)
+from basenet_jax.world.yaml_text import to_yaml
+
+
+class SceneFileError(ValueError):
+    """A file that holds no valid scene; the message names the file, the field, what was found and what is allowed."""
+
+
+def load_scene(path: str | os.PathLike[str]) -> NamedScene:
+    """Reads a scene file, YAML or (by the name's end `.json`) JSON, of at most 64 KiB or 1 MiB.
+
+    Returns:
+        The scene in float32, with as many slots as objects, in the file's order.
+
+    Raises:
+        SceneFileError: the file can't be read or isn't a valid scene.
+    """
+    try:
+        document = read_json(path) if _is_json(path) else read_yaml(path)
+        fields = convert(document, SceneFields, format_name=FORMAT, allowed=ALLOWED)
+        check_scene(fields)
+    except DocumentError as error:
+        raise SceneFileError(f"{path}: {error}") from None
+    return _from_fields(fields)
+
+
+def save_scene(path: str | os.PathLike[str], scene: NamedScene) -> None:
+    """Writes a scene file that `load_scene` reads back to the same float32 values; whole or not at all.
+
+    YAML, or JSON where the name ends in `.json`. An object whose size or grasp differs from its class's is written
+    with its own size and grasp, without class.
+
+    Raises:
+        SceneFileError: the scene isn't a valid one (say, objects overlap); nothing is written.
+        OSError: the file can't be written.
+    """
+    try:
+        data = msgspec.to_builtins(_to_fields(scene))
+        check_scene(convert(data, SceneFields, format_name=FORMAT, allowed=ALLOWED))
+    except ValueError as error:
+        raise SceneFileError(f"{path}: {error}") from None
+    write_atomically(path, to_json(data) if _is_json(path) else to_yaml(data))
+
+
+def _is_json(path: str | os.PathLike[str]) -> bool:
+    return Path(path).suffix.lower() == ".json"
+
+
+def _from_fields(fields: SceneFields) -> NamedScene:
+    classes = {name: index for index, name in enumerate(CLASSES)}
+    arrays = Scene(
+        object_pose=jnp.array([item.pose for item in fields.objects]),
+        object_size=jnp.array([size_of(item) for item in fields.objects]),
+        object_grasp=jnp.array([grasp_of(item) for item in fields.objects]),
+        object_class=jnp.array([classes.get(str(item.class_), -1) for item in fields.objects]),
+        mask=jnp.ones(len(fields.objects), bool),
+        robot_start=jnp.array(fields.robot.start),
+        table=make_table(fields.table),
+    )
+    return NamedScene(arrays, tuple(item.name for item in fields.objects), fields.robot.model)
+
+
+def _to_fields(scene: NamedScene) -> SceneFields:
+    arrays: Scene = jax.device_get(scene.arrays)
+    count = len(scene.names)
+    if list(np.flatnonzero(arrays.mask)) != list(range(count)):
+        raise ValueError(f"objects: found {count} names for the slots {np.flatnonzero(arrays.mask).tolist()}")
+    table = TableFields(tuple(shortest(2 * arrays.table.half_size)), shortest(arrays.table.height))
+    robot = RobotFields(model=scene.robot, start=tuple(shortest(arrays.robot_start)))
+    objects = [_object_fields(arrays, slot, name) for slot, name in enumerate(scene.names)]
+    return SceneFields(table=table, robot=robot, objects=objects)
+
+
+def _object_fields(arrays: Scene, slot: int, name: str) -> ObjectFields:
+    pose, size, grasp = (shortest(x[slot]) for x in (arrays.object_pose, arrays.object_size, arrays.object_grasp))
+    kind = OBJECT_CLASSES[index] if (index := int(arrays.object_class[slot])) >= 0 else None
+    if kind is not None:
+        own = np.array([*size, *grasp], np.float32)
+        if np.array_equal(own, np.array([*kind.size, kind.grasp_x, kind.grasp_z, kind.grasp_yaw], np.float32)):
+            return ObjectFields(name=name, class_=kind.name, pose=tuple(pose))
+    return ObjectFields(name=name, pose=tuple(pose), size=tuple(size), grasp=GraspFields(*grasp))

@@ -1,0 +1,138 @@
+"""The picture of one plan shows what it should."""
+
+import dataclasses
+import io
+import itertools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from matplotlib.patches import Circle, Polygon
+
+from basenet_jax.plots import plot_plan
+from basenet_jax.plots.arm_reach import arm_reach
+from basenet_jax.plots.drawing import FAILED, short_list, to_world
+from basenet_jax.task.picking import Reason, pick
+from basenet_jax.task.plan import Outcome, Plan
+from basenet_jax.world.generate import draw_scene
+
+STOPS = jnp.array([[0.3, -0.9, 0.1], [0.3, -0.9, 0.1], [0.5, 0.95, 3.0], [0.0, 0.0, 0.0]])
+
+
+@pytest.fixture(scope="module")
+def scene(table):
+    return draw_scene(jax.random.key(2), 3, table, slots=4)[0]
+
+
+def plan_and_outcome(feasible):
+    is_step = jnp.array([True, True, True, False])
+    plan = Plan(jnp.array([2, 0, 1, -1]), STOPS, is_step, jnp.zeros(4, int))
+    times = jnp.array([6.0, 0.0, 12.0, 0.0])
+    ok = jnp.array([*feasible, False])
+    return plan, Outcome(is_step, ok, jnp.where(ok, 0, 2), times, 9.0 * ok, jnp.zeros((4, 5, 6)))
+
+
+def steps_beside(figure):
+    return figure.texts[0].get_text().splitlines()
+
+
+def texts(figure):
+    return [text.get_text() for text in figure.axes[0].texts]
+
+
+def test_a_plan_is_drawn_with_shared_stops_numbers_and_totals(robot, scene):
+    figure = plot_plan(robot, scene, *plan_and_outcome([True, True, True]))
+    assert {"start", "1, 2", "3"} <= set(texts(figure))
+    assert figure.axes[0].get_title() == "3 of 3 objects grasped, N 18.0 s + G 27.0 s = 45.0 s"
+    rectangles = [patch for patch in figure.axes[0].patches if isinstance(patch, Polygon)]
+    assert len(rectangles) == 1 + 3 + 3, "table, objects, start and two stops"
+    assert [line.split()[-2:] for line in steps_beside(figure)[1:]] == [["6.0", "9.0"], ["0.0", "9.0"], ["12.0", "9.0"]]
+
+
+def test_names_stand_in_the_list_of_steps_long_ones_cut(robot, scene):
+    names = ["first", "second", "the third one of all of them"]
+    figure = plot_plan(robot, scene, *plan_and_outcome([True, True, True]), "a title", names=names)
+    lines = steps_beside(figure)
+    assert "the third one of …" in lines[1]
+    assert "first" in lines[2]
+    assert figure.axes[0].get_title() == "a title"
+
+
+def test_the_reach_is_drawn_round_each_stop_and_only_on_the_table(robot, scene):
+    figure = plot_plan(robot, scene, *plan_and_outcome([True, True, True]))
+    discs = [artist for artist in figure.axes[0].get_children() if isinstance(artist, Circle)]
+    mounts = [to_world(pose, robot.mount_position[None, :2])[0] for pose in (STOPS[0], STOPS[2])]
+    np.testing.assert_allclose([disc.center for disc in discs], mounts, atol=1e-5)
+    assert all(disc.get_clip_path() is not None for disc in discs)
+
+
+def test_the_reach_is_where_inverse_kinematics_ends(robot, table):
+    height = 1.1
+    nearest, farthest = arm_reach(robot, height)
+    assert nearest < 0.3
+    assert 0.7 < farthest < 1.0
+    x, y = robot.mount_position[:2] + np.array([0.0, 3.0])  # far from the table, so that only the arm decides
+    grasps = jnp.array([[x - distance, y, height, 0.0] for distance in (farthest - 0.01, farthest + 0.02)])
+    picks = jax.jit(pick)(robot, jnp.array([0.0, 3.0, 0.0]), grasps, table)
+    np.testing.assert_array_equal(picks.reason, [Reason.NONE, Reason.OUT_OF_REACH])
+
+
+def test_a_height_out_of_reach_is_said(robot):
+    with pytest.raises(ValueError, match=r"found 3\.000 m, at which ur5e_mobile reaches no grasp"):
+        arm_reach(robot, 3.0)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "text"), [([1], "1"), ([1, 2], "1, 2"), ([1, 2, 3], "1-3"), ([1, 3, 4, 5, 9], "1, 3-5, 9")]
+)
+def test_runs_of_numbers_are_shortened(numbers, text):
+    assert short_list(numbers) == text
+
+
+def test_fifty_steps_fit_on_the_picture(robot, table):
+    many, _ = draw_scene(jax.random.key(0), 50, table)
+    index = jnp.arange(50)
+    poses = jnp.tile(STOPS[0], (50, 1))
+    plan = Plan(index, poses, jnp.ones(50, bool), jnp.zeros(50, int))
+    ok = jnp.ones(50, bool)
+    figure = plot_plan(robot, many, plan, Outcome(ok, ok, 0 * index, 0.0 * index, 9.0 * ok, jnp.zeros((50, 5, 6))))
+    figure.draw_without_rendering()
+    box = figure.texts[0].get_window_extent()
+    assert box.y0 >= 0
+    assert box.x1 <= figure.bbox.x1
+
+
+def test_what_is_not_grasped_says_so(robot, scene):
+    figure = plot_plan(robot, scene, *plan_and_outcome([True, False, True]))
+    crosses = [line for line in figure.axes[0].lines if line.get_marker() == "x"]
+    assert [line.get_color() for line in crosses] == [FAILED]
+    number = next(text for text in figure.axes[0].texts if text.get_text() == "2")
+    assert number.get_color() == FAILED
+    assert "out_of_reach" in steps_beside(figure)[2]
+    assert "not grasped" in [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_the_drawn_path_stays_off_the_table(robot, scene):
+    figure = plot_plan(robot, scene, *plan_and_outcome([True, True, True]))
+    drives = [np.asarray(line.get_xydata()) for line in figure.axes[0].lines if line.get_linestyle() == "--"]
+    assert len(drives) == 2
+    for path in drives:
+        points = np.concatenate([np.linspace(a, b, 200) for a, b in itertools.pairwise(path)])
+        assert not np.any((np.abs(points[:, 0]) < 1.24) & (np.abs(points[:, 1]) < 0.64))
+
+
+def test_the_picture_is_readable_in_size_and_not_blank(robot, scene):
+    figure = plot_plan(robot, scene, *plan_and_outcome([True, True, True]))
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="rgba", dpi=50)
+    pixels = np.frombuffer(buffer.getvalue(), np.uint8).reshape(-1, 4)
+    assert 0.02 < np.mean(np.any(pixels[:, :3] < 250, axis=1)) < 0.6
+
+
+def test_users_own_classes_have_a_colour_and_a_name(robot, scene):
+    own = dataclasses.replace(scene, object_class=jnp.full(4, -1))
+    figure = plot_plan(robot, own, *plan_and_outcome([True, True, True]))
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert "own class" in labels
+    assert "mug" not in labels

@@ -1,0 +1,131 @@
+"""The library's front door: scene, plan, verdict, picture."""
+
+import io
+import os
+
+import jax
+import numpy as np
+import pytest
+
+import basenet_jax as bn
+from basenet_jax import api
+from basenet_jax.planners import registry
+from basenet_jax.task import plan as judge
+from tests.scene_texts import TEXT, park_once
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    path = tmp_path_factory.mktemp("scene") / "scene.yaml"
+    path.write_text(TEXT)
+    return bn.load_scene(path)
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """What planners were made for, with planners that cost nothing."""
+    setups = []
+
+    def make(name, setup):
+        setups.append((name, setup))
+        return park_once
+
+    monkeypatch.setattr(registry, "make_planner", make)
+    api._planner.cache_clear()
+    yield setups
+    api._planner.cache_clear()
+
+
+@pytest.fixture(scope="module")
+def planned(scene):
+    """By the packaged weights."""
+    return bn.make_plan(scene)
+
+
+def test_packaged_weights_plan_a_scene(scene, planned):
+    outcome = bn.execute(scene, planned)
+    assert sorted(planned.object_index.tolist()) == [0, 1]
+    assert int(outcome.grasped) == 2
+    assert 20 < float(outcome.execution) < 200
+
+
+def test_the_verdict_is_the_judges(scene, planned, robot):
+    expected = jax.jit(judge.execute)(robot, scene.arrays, planned)
+    for given in (scene, scene.arrays):
+        for one, other in zip(jax.tree.leaves(bn.execute(given, planned)), jax.tree.leaves(expected), strict=True):
+            np.testing.assert_array_equal(one, other)
+
+
+def test_a_plan_is_drawn(scene, planned):
+    buffer = io.BytesIO()
+    bn.plot_plan(scene, planned).savefig(buffer, format="png")
+    assert buffer.getvalue().startswith(b"\x89PNG")
+
+
+def test_planners_are_made_once_for_a_robot_table_and_weights(asked, scene, tmp_path):
+    for _ in range(2):
+        bn.make_plan(scene, planner="dp")
+        bn.make_plan(scene.arrays, planner="dp")
+    assert [name for name, _ in asked] == ["dp"]
+    setup = asked[0][1]
+    np.testing.assert_array_equal(setup.table.half_size, scene.arrays.table.half_size)
+    assert setup.weights is None
+    bn.make_plan(scene, planner="pbg")
+    low = scene.arrays.replace(table=scene.arrays.table.replace(height=np.float32(0.6)))
+    bn.make_plan(low, planner="dp")
+    assert len(asked) == 3
+    assert float(asked[2][1].table.height) == np.float32(0.6)
+    weights = tmp_path / "a.weights"
+    weights.write_bytes(b"1")
+    for _ in range(2):
+        bn.make_plan(scene, weights=str(weights))
+    assert asked[3][1].weights == weights
+    assert len(asked) == 4
+
+
+def test_weights_written_anew_are_read_anew(asked, scene, tmp_path):
+    weights = tmp_path / "a.weights"
+    weights.write_bytes(b"1")
+    bn.make_plan(scene, weights=weights)
+    os.utime(weights, ns=(1, 1))
+    bn.make_plan(scene, weights=weights)
+    assert len(asked) == 2
+
+
+def test_keys_reach_the_planner(scene, monkeypatch):
+    keys = []
+
+    def remember(scene, key):
+        keys.append(key)
+        return park_once(scene, key)
+
+    monkeypatch.setattr(registry, "make_planner", lambda name, setup: remember)
+    api._planner.cache_clear()
+    bn.make_plan(scene, planner="other")
+    bn.make_plan(scene, planner="other", key=jax.random.key(5))
+    api._planner.cache_clear()
+    assert [int(jax.random.key_data(key)[-1]) for key in keys] == [0, 5]
+
+
+def test_an_unknown_planner_and_missing_weights_are_named(scene, tmp_path):
+    with pytest.raises(ValueError, match="planner: found 'best', allowed are pbg, pbg-gc"):
+        bn.make_plan(scene, planner="best")
+    with pytest.raises(ValueError, match=r"none\.weights: can't be read"):
+        bn.make_plan(scene, weights=tmp_path / "none.weights")
+
+
+def test_random_scenes_have_named_objects_and_can_be_saved(tmp_path):
+    scene = bn.sample_scene(jax.random.key(3), objects=3)
+    assert len(set(scene.names)) == 3
+    assert scene.arrays.mask.tolist() == [True] * 3
+    path = tmp_path / "scene.json"
+    bn.save_scene(path, scene)
+    again = bn.load_scene(path)
+    assert again.names == scene.names
+    np.testing.assert_array_equal(again.arrays.object_pose, scene.arrays.object_pose)
+
+
+@pytest.mark.parametrize("objects", [0, 51])
+def test_a_number_of_objects_out_of_range_is_refused(objects):
+    with pytest.raises(ValueError, match=f"objects: found {objects}, allowed are 1 to 50"):
+        bn.sample_scene(jax.random.key(0), objects=objects)

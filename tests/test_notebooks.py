@@ -1,0 +1,52 @@
+"""The notebooks run from top to bottom, at tiny size, and are committed without outputs."""
+
+import os
+from pathlib import Path
+
+import nbformat
+import pytest
+from nbclient import NotebookClient
+
+ROOT = Path(__file__).parents[1]
+NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+
+
+@pytest.fixture
+def environment(monkeypatch):
+    """The kernel inherits this process's environment."""
+    monkeypatch.setenv("BASENET_JAX_NOTEBOOK", "tiny")
+    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", str(ROOT / ".jax_cache"))
+    monkeypatch.setenv("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.3")
+
+
+def code_cells(notebook):
+    return [cell for cell in notebook.cells if cell.cell_type == "code"]
+
+
+def pictures(notebook):
+    outputs = [output for cell in code_cells(notebook) for output in cell.outputs]
+    return sum("image/png" in output.get("data", {}) for output in outputs)
+
+
+def test_both_notebooks_are_there():
+    assert [path.name for path in NOTEBOOKS] == ["01_quickstart.ipynb", "02_train.ipynb"]
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_notebooks_are_valid_begin_with_an_installation_and_hold_no_output(path):
+    notebook = nbformat.read(path, as_version=4)
+    nbformat.validate(notebook)
+    cells = code_cells(notebook)
+    assert "%pip install" in cells[0].source
+    assert not any(cell.outputs or cell.execution_count for cell in cells)
+
+
+@pytest.mark.parametrize(("name", "drawn"), [("01_quickstart", 3), ("02_train", 2)])
+def test_a_notebook_runs(name, drawn, tmp_path, environment):
+    notebook = nbformat.read(ROOT / "notebooks" / f"{name}.ipynb", as_version=4)
+    client = NotebookClient(
+        notebook, timeout=570, kernel_name="python3", resources={"metadata": {"path": str(tmp_path)}}
+    )
+    client.execute()
+    assert pictures(notebook) == drawn
+    assert os.listdir(tmp_path)

@@ -1,0 +1,207 @@
+"""The plan command: what it writes and prints, its exit codes, and what it refuses before planning."""
+
+import io
+import json
+import os
+import subprocess
+import sys
+
+import jax.numpy as jnp
+import pytest
+
+from basenet_jax import api, plan
+from basenet_jax.planners import registry
+from basenet_jax.planners.protocol import PlanningError
+from basenet_jax.task.plan_file import load_plan
+from basenet_jax.world.scene_file import load_scene
+from tests.scene_texts import TEXT, park_once
+
+MAKE_PLANNER = registry.make_planner
+FAR = TEXT.replace("pose: [0.1, -0.2, 1.1]", "pose: [-0.9, 0.3, 1.1]")
+
+
+@pytest.fixture(autouse=True)
+def made(monkeypatch):
+    """Planners that cost nothing; the names that were asked for."""
+    names = []
+
+    def make(name, setup):
+        del setup
+        names.append(name)
+        return park_once
+
+    monkeypatch.setattr(registry, "make_planner", make)
+    api._planner.cache_clear()
+    yield names
+    api._planner.cache_clear()
+
+
+@pytest.fixture
+def call(capsys, tmp_path, monkeypatch):
+    """Runs the command in a folder of its own; exit code, stdout, stderr."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.yaml").write_text(TEXT)
+    (tmp_path / "far.yaml").write_text(FAR)
+
+    def call(*arguments):
+        try:
+            code = plan.main(list(arguments))
+        except SystemExit as end:  # tyro ends so on --help and wrong options
+            code = end.code
+        return code, *capsys.readouterr()
+
+    return call
+
+
+def test_a_plan_is_printed_and_written(call, made):
+    code, out, err = call("scene.yaml", "--out", "plan.json", "--planner", "dp")
+    assert (code, err, made) == (0, "", ["dp"])
+    assert all(word in out for word in ("mug_1", "part_7", "0.35", "-0.90", "2 of 2 objects grasped", "planned by dp"))
+    scene = load_scene("scene.yaml")
+    assert load_plan("plan.json", scene).object_index.tolist() == [0, 1]
+    with open("plan.json") as file:
+        content = json.load(file)
+    assert content["planner"] == "dp"
+    assert content["totals"]["grasped"] == 2
+    assert content["planning_time_s"] > 0
+    assert content["compile_time_s"] >= 0
+
+
+def test_basenet_plans_unless_told_otherwise_and_nothing_is_written_unasked(call, made):
+    assert call("scene.yaml")[0] == 0
+    assert made == ["basenet"]
+    assert sorted(os.listdir()) == ["far.yaml", "scene.yaml"]
+
+
+def test_objects_left_on_the_table_are_listed(call):
+    code, out, err = call("far.yaml", "--out", "plan.json")
+    assert code == 3
+    assert "1 of 2 objects grasped" in out
+    assert err == "basenet_jax.plan: 1 of 2 objects can't be grasped:\n  part_7: out_of_reach\n"
+    with open("plan.json") as file:
+        assert json.load(file)["steps"][1]["reason"] == "out_of_reach"
+
+
+def test_markup_in_names_is_shown_as_it_is(call):
+    with open("scene.yaml", "w") as file:
+        file.write(TEXT.replace("mug_1", "'[b]m[/b]'"))
+    code, out, _ = call("scene.yaml")
+    assert code == 0
+    assert "[b]m[/b]" in out
+
+
+@pytest.mark.parametrize("suffix", ["png", "svg"])
+def test_a_picture_is_drawn(call, suffix):
+    assert call("scene.yaml", "--picture", f"plan.{suffix}")[0] == 0
+    with open(f"plan.{suffix}", "rb") as file:
+        assert file.read(5) == {"png": b"\x89PNG\r", "svg": b"<?xml"}[suffix]
+
+
+def test_explain_counts_base_poses(call, monkeypatch):
+    from basenet_jax.planners import protocol
+
+    # 64 poses before the table, so that little is computed.
+    few = jnp.stack(jnp.meshgrid(jnp.linspace(-1, 1, 8), jnp.array([-1.0]), jnp.linspace(-3, 3, 8)), -1).reshape(-1, 3)
+    monkeypatch.setattr(protocol, "grid_poses", lambda *_: few)
+    code, out, _ = call("scene.yaml", "--explain")
+    assert code == 0
+    assert "from how many of 64 base poses" in out
+    row = next(line for line in out.splitlines() if "part_7" in line and "0.35" not in line)
+    counts = [int(cell) for cell in row.split()[1:]]
+    assert sum(counts) == 64
+    assert counts[0] > 0
+    assert counts[1] > 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["none.yaml"], "none.yaml: can't be read: No such file or directory"),
+        (["."], ".: can't be read: Is a directory"),
+        (["scene.yaml", "--out", "nowhere/plan.json"], "--out: found nowhere/plan.json, whose folder isn't there"),
+        (["scene.yaml", "--out", "."], "--out: found ., which is a folder, allowed is a file"),
+        (["scene.yaml", "--out", "scene.yaml"], "--out: found scene.yaml, which is SCENE too, allowed is another file"),
+        (["scene.yaml", "--out", "a.png", "--picture", "./a.png"], "--picture: found a.png, which is --out too"),
+        (["scene.yaml", "--picture", "a.bmp"], "--picture: found a.bmp, allowed are names ending in .png, .pdf, .svg"),
+    ],
+    ids=range(7),
+)
+def test_bad_input_is_refused_before_planning(call, made, arguments, said):
+    code, out, err = call(*arguments)
+    assert (code, out, made) == (2, "", [])
+    assert err.startswith(f"basenet_jax.plan: {said}")
+    assert err.count("\n") == 1
+    assert sorted(os.listdir()) == ["far.yaml", "scene.yaml"]
+
+
+def test_a_folder_without_the_right_to_write_is_found_before_planning(call, made, monkeypatch):
+    monkeypatch.setattr(os, "access", lambda path, mode: False)  # for the superuser no folder is like that
+    code, _, err = call("scene.yaml", "--out", "plan.json")
+    assert (code, made) == (2, [])
+    assert err.startswith("basenet_jax.plan: --out: found plan.json, which can't be written, allowed is")
+
+
+def test_a_disk_that_fails_leaves_no_half_of_a_plan(call, monkeypatch):
+    def fail(descriptor):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", fail)
+    code, out, err = call("scene.yaml", "--out", "plan.json")
+    assert (code, out) == (2, "")
+    assert err == "basenet_jax.plan: plan.json: can't be written: No space left on device\n"
+    assert sorted(os.listdir()) == ["far.yaml", "scene.yaml"]
+
+
+def test_what_a_planner_refuses_is_passed_on(call, monkeypatch):
+    def refuse(scene, key):
+        raise PlanningError("objects: found 2, dp plans at most 1; use basenet")
+
+    monkeypatch.setattr(registry, "make_planner", lambda name, setup: refuse)
+    code, out, err = call("scene.yaml", "--out", "plan.json")
+    assert (code, out) == (2, "")
+    assert err == "basenet_jax.plan: scene.yaml: objects: found 2, dp plans at most 1; use basenet\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--planner", "best"], "planner: found 'best', allowed are pbg, pbg-gc, mbp, mbp-gc, dp, basenet"),
+        (["--weights", "none"], "none: can't be read: No such file or directory"),
+        (["--weights", "scene.yaml"], "scene.yaml: format: found 'format: basenet-scene/1', needs 'basenet-weights/1'"),
+    ],
+    ids=range(3),
+)
+def test_an_unknown_planner_and_wrong_weights_are_named(call, monkeypatch, arguments, said):
+    monkeypatch.setattr(registry, "make_planner", MAKE_PLANNER)
+    code, out, err = call("scene.yaml", *arguments)
+    assert (code, out) == (2, "")
+    assert err.startswith(f"basenet_jax.plan: {said}")
+
+
+def test_an_interrupt_ends_quietly(call, monkeypatch):
+    def interrupt(scene, key):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(registry, "make_planner", lambda name, setup: interrupt)
+    assert call("scene.yaml") == (130, "", "basenet_jax.plan: interrupted\n")
+
+
+def test_help_teaches(call):
+    code, out, _ = call("--help")
+    assert code == 0
+    assert all(word in out for word in ("SCENE", "--planner", "--explain", "seconds", "degrees", "can't be grasped"))
+
+
+def test_a_terminal_that_knows_no_greek_gets_question_marks(call, monkeypatch):
+    with open("scene.yaml", "w", encoding="utf-8") as file:
+        file.write(TEXT.replace("mug_1", "μ_1"))
+    stream = io.BytesIO()
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(stream, encoding="ascii"))
+    assert plan.main(["scene.yaml"]) == 0
+    sys.stdout.flush()
+    assert b"?_1" in stream.getvalue()
+
+
+def test_help_imports_no_jax():
+    code = "import sys\nfrom basenet_jax import plan, generate\nsys.exit('jax' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
