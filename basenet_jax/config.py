@@ -79,6 +79,19 @@ class AlignedConfig:
 
 
 @dataclass(frozen=True)
+class RefinementConfig:
+    """Rounds of continuous refinement, and the alternatives drawn for every stop in each."""
+
+    rounds: int = 16
+    slides: int = 12  # along the stop's heading
+    free: int = 8  # in position and heading
+    rigid: int = 4  # the same motion for all stops
+    first_scale: float = 0.10  # m: spread in the first round
+    last_scale: float = 0.01  # and in the last
+    radians_per_metre: float = 1.0  # spread of headings for that of positions
+
+
+@dataclass(frozen=True)
 class WorldConfig:
     """All of the above but the grid, which is a planner's."""
 

@@ -1,8 +1,8 @@
 """Base poses in line with the table's sides, as near to it as the clearance allows.
 
-The grid of the paper's planners has its lines where they fall: at 10 cm they leave 5 cm to the table, at 15 cm up to 15.
-A stop that just clears the table reaches farther, and stops on one line are driven between without a turn, which
-with a trapezoidal profile is dear even when small. A few hundred such stops hold better plans than the whole grid.
+The grid of the paper's planners has its lines where they fall: at 10 cm they leave 5 cm to the table. A
+stop that just clears the table reaches farther, and stops on one line are driven between without a turn, which with a
+trapezoidal profile is dear even when small. A few hundred such stops hold better plans than the whole grid.
 """
 
 import jax.numpy as jnp

@@ -95,6 +95,16 @@ def check_candidates(
     )
 
 
+def join(first: Candidates, second: Candidates) -> Candidates:
+    """The candidates of both, for one scene."""
+    poses, serves, pick_time = (
+        jnp.concatenate([getattr(each, name) for each in (first, second)])
+        for name in ("base_pose", "serves", "pick_time")
+    )
+    farthest = jnp.maximum(first.reason, second.reason)
+    return Candidates(poses, serves, pick_time, jnp.where(jnp.any(serves, axis=0), Reason.NONE, farthest))
+
+
 def within_reach(
     robot: Robot, base_pose: Float[Array, "*batch 3"], grasp: Float[Array, "*batch 4"]
 ) -> Bool[Array, "*batch"]:

@@ -25,6 +25,7 @@ PLANNERS: dict[str, MakePlanner] = {
     "mbp-gc": _later("mbp", "Mbp", checked=True),
     "dp": _later("dp", "Dp"),
     "greedy-stops": _later("greedy_stops", "GreedyStops"),
+    "refined": _later("refined", "Refined"),
     "basenet": _later("basenet", "BaSeNet"),
 }
 

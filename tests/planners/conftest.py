@@ -65,3 +65,9 @@ def padded():
         return dataclasses.replace(scene, **fields)
 
     return make
+
+
+@pytest.fixture(scope="session")
+def four_objects(random_scene):
+    """A scene of four objects in four slots."""
+    return jax.device_put(random_scene(3, 4, 4))

@@ -1,0 +1,112 @@
+"""Exact planning over aligned stops, then continuous refinement: better plans than the grid holds, in less time."""
+
+import itertools
+import time
+from collections.abc import Iterator
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jaxtyping import Float
+
+from basenet_jax.config import AlignedConfig, RefinementConfig, WorldConfig
+from basenet_jax.planners.aligned_stops import aligned_poses
+from basenet_jax.planners.candidates import Candidates, check_candidates, join
+from basenet_jax.planners.dp import plan_exactly
+from basenet_jax.planners.protocol import PlannerSetup
+from basenet_jax.planners.refinement import alternatives, reassign, refine
+from basenet_jax.planners.route import Route, as_plan, as_route, reason_by_slot
+from basenet_jax.robot.model import Robot
+from basenet_jax.task.plan import Outcome, Plan, execute
+from basenet_jax.world.scene import Scene
+
+PAIRS_AT_ONCE = 1536  # of stop and object: all those of ten objects and the aligned stops in reach
+
+
+class Refined:
+    """Proposes structure, then moves the stops; with a time budget goes on around the best plan so far.
+
+    Structure (which stops, which objects at which, in which order) is exact over the proposed stops: all aligned ones,
+    later joined by stops around the best plan's.
+    """
+
+    def __init__(
+        self,
+        setup: PlannerSetup,
+        *,
+        budget_s: float = 0.0,
+        aligned: AlignedConfig = AlignedConfig(),
+        refinement: RefinementConfig = RefinementConfig(),
+    ):
+        """Prepares the aligned stops.
+
+        Args:
+            setup: robot, table and world.
+            budget_s: planning goes on while it lasts; the first plan is returned however long it took.
+            aligned: the proposed stops.
+            refinement: how they are moved.
+        """
+        self._setup, self._budget = setup, budget_s
+        self._refinement = refinement
+        self._aligned = jax.device_put(aligned_poses(setup.robot, setup.table, aligned, setup.world.pick))
+
+    def __call__(self, scene: Scene, key: Array) -> Plan:
+        """See `Planner`."""
+        begin = time.perf_counter()
+        plans = self.improving_plans(scene, key)
+        plan = next(plans)
+        while time.perf_counter() - begin < self._budget:
+            plan = next(plans)
+        return plan
+
+    def improving_plans(self, scene: Scene, key: Array) -> Iterator[Plan]:
+        """Endless plans, none worse than the one before by the judge's costs."""
+        aligned = self._check(scene, self._aligned)
+        if not bool(jnp.all(jnp.any(aligned.serves, axis=0) | ~scene.mask)):
+            # What the aligned stops can't serve, some pose of the grid may.
+            setup = self._setup
+            aligned = join(aligned, check_candidates(setup.robot, scene, setup.grid_poses, setup.world))
+        best, value, pool = None, (-1, 0.0), aligned
+        for attempt in itertools.count():
+            refine_key, pool_key = jax.random.split(jax.random.fold_in(key, attempt))
+            start = plan_exactly(self._setup.robot, scene, pool, self._setup.world.navigation)
+            for plan in (start, self._refine(scene, start, refine_key)):
+                if self._value(scene, plan) > value:
+                    best, value = plan, self._value(scene, plan)
+            assert best is not None  # every plan is worth more than none
+            yield best
+            if not np.any(best.served):
+                continue
+            scale = jnp.array(self._refinement.first_scale)
+            around = alternatives(as_route(best).stops, pool_key, scale, self._refinement)
+            pool = join(aligned, self._check(scene, around.reshape(-1, 3)))
+
+    def _check(self, scene: Scene, poses: Float[Array, "K 3"]) -> Candidates:
+        return check_candidates(self._setup.robot, scene, poses, self._setup.world, pairs_at_once=PAIRS_AT_ONCE)
+
+    def _refine(self, scene: Scene, plan: Plan, key: Array) -> Plan:
+        if not np.any(plan.served):
+            return plan
+        setup, config = self._setup, self._refinement
+        route = _refine(setup.robot, scene, as_route(plan), key, config, setup.world)
+        return as_plan(scene, route, reason_by_slot(plan))
+
+    def _value(self, scene: Scene, plan: Plan) -> tuple[int, float]:
+        """What a plan is worth to the judge: objects grasped, then time saved."""
+        outcome = jax.device_get(_execute(self._setup.robot, scene, plan, self._setup.world))
+        return int(outcome.grasped), -float(outcome.execution)
+
+
+@jax.jit(static_argnames=("config", "world"))
+def _refine(
+    robot: Robot, scene: Scene, route: Route, key: Array, config: RefinementConfig, world: WorldConfig
+) -> Route:
+    """Moves the stops and gives every object to its best one."""
+    route, _ = refine(robot, scene, route, key, config.rounds, config, world)
+    return reassign(robot, scene, route, world)
+
+
+@jax.jit(static_argnames="world")
+def _execute(robot: Robot, scene: Scene, plan: Plan, world: WorldConfig) -> Outcome:
+    return execute(robot, scene, plan, world)

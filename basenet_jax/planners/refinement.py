@@ -1,0 +1,141 @@
+"""Continuous refinement of a route's stops in SE(2), by the judge's own costs.
+
+Order and assignment stay; stops move. Every round draws alternatives of every stop around where it stands and finds,
+by dynamic programming along the route, the best combination of all of them: exact among the drawn, and never worse
+than before, since where the stops stand is among the alternatives. A round is a few hundred picks.
+
+The slope of a trapezoidal profile is infinite at 0: turning by a degree costs a quarter of a second. So stops that are
+in line must move in line. Of the alternatives some slide a stop along its heading; some move it freely; and some are
+the same rigid motion for all stops, so that a whole line can shift or turn.
+"""
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float, Int, PRNGKeyArray
+
+from basenet_jax.config import RefinementConfig, WorldConfig
+from basenet_jax.planners.route import Route
+from basenet_jax.robot.model import Robot
+from basenet_jax.task.navigation import navigation_time
+from basenet_jax.task.picking import pick
+from basenet_jax.trigonometry import sin_cos, wrap_angle
+from basenet_jax.world.scene import Scene
+
+
+def refine(
+    robot: Robot,
+    scene: Scene,
+    route: Route,
+    key: PRNGKeyArray,
+    rounds: Int[Array, ""] | int,
+    config: RefinementConfig = RefinementConfig(),
+    world: WorldConfig = WorldConfig(),
+) -> tuple[Route, Float[Array, ""]]:
+    """Moves the stops of a feasible route so that driving and picking take less time.
+
+    Args:
+        robot: the robot.
+        scene: unbatched.
+        route: all of its drives and picks feasible.
+        key: consumed.
+        rounds: how many; the alternatives are drawn ever closer, from `config.first_scale` to `config.last_scale`.
+        config: number and spread of the alternatives.
+        world: of drives and picks.
+
+    Returns:
+        The route, and its N + G (s).
+    """
+
+    used = jnp.arange(len(route.stops)) <= jnp.max(route.stop_of)
+
+    def improve(carry: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+        index, stops, _ = carry
+        progress = index / jnp.maximum(rounds - 1, 1)
+        scale = config.first_scale * (config.last_scale / config.first_scale) ** progress
+        options = alternatives(stops, jax.random.fold_in(key, index), scale, config)
+        picking = _picking_time(robot, scene, options, route.stop_of, world)
+        first, between = _drives(robot, scene, options, world)
+        between = jnp.where(used[1:, None, None], between, 0.0)
+        choice, cost = cheapest_path(first, between, picking)
+        return index + 1, jnp.take_along_axis(options, choice[:, None, None], axis=1)[:, 0], cost
+
+    start = (jnp.array(0), route.stops, jnp.array(jnp.inf, route.stops.dtype))
+    _, stops, cost = jax.lax.while_loop(lambda carry: carry[0] < rounds, improve, start)
+    return Route(stops, route.stop_of), cost
+
+
+def reassign(robot: Robot, scene: Scene, route: Route, world: WorldConfig = WorldConfig()) -> Route:
+    """Gives every object of a route to the stop, among all of its used ones, where picking it is fastest."""
+    used = jnp.arange(len(route.stops)) <= jnp.max(route.stop_of)
+    picks = pick(robot, route.stops, scene.grasps[:, None], scene.table, world.pick)
+    time = jnp.where(picks.feasible & used, picks.time, jnp.inf)
+    fastest = jnp.where(jnp.isfinite(jnp.min(time, axis=1)), jnp.argmin(time, axis=1), route.stop_of)
+    return Route(route.stops, jnp.where(route.stop_of >= 0, fastest, -1))
+
+
+def alternatives(
+    stops: Float[Array, "L 3"], key: PRNGKeyArray, scale: Float[Array, ""], config: RefinementConfig
+) -> Float[Array, "L C 3"]:
+    """Poses around every stop, the stop itself first; `scale` (m) is their spread."""
+    slide_key, free_key, rigid_key = jax.random.split(key, 3)
+    count = len(stops)
+    sizes = jnp.array([1.0, 1.0, config.radians_per_metre]) * scale
+    sine, cosine = sin_cos(stops[:, 2:])
+    # Spreads differ by powers of two, so that every round has large steps and small ones.
+    slides = _spread(jax.random.normal(slide_key, (count, config.slides))) * scale
+    slid = jnp.stack([cosine * slides, sine * slides, jnp.zeros_like(slides)], axis=-1)
+    freely = jax.random.normal(free_key, (count, config.free, 3)) * sizes
+    motions = jax.random.normal(rigid_key, (config.rigid, 3)) * sizes
+    center = jnp.mean(stops[:, :2], axis=0)
+    turn_sine, turn_cosine = sin_cos(motions[:, 2])
+    x, y = (stops[:, None, :2] - center).transpose(2, 0, 1)
+    turned = jnp.stack([x * (turn_cosine - 1) - y * turn_sine, x * turn_sine + y * (turn_cosine - 1)], axis=-1)
+    rigid = jnp.broadcast_to(motions, (count, config.rigid, 3)).at[..., :2].add(turned)
+    changes = jnp.concatenate([jnp.zeros((count, 1, 3)), slid, freely, rigid], axis=1)
+    poses = stops[:, None] + changes
+    return poses.at[..., 2].set(jnp.where(changes[..., 2] == 0, poses[..., 2], wrap_angle(poses[..., 2])))
+
+
+def _spread(normal: Float[Array, "L C"]) -> Float[Array, "L C"]:
+    return normal * 2.0 ** -(jnp.arange(normal.shape[1]) % 4)
+
+
+def _picking_time(
+    robot: Robot, scene: Scene, options: Float[Array, "L C 3"], stop_of: Int[Array, " M"], world: WorldConfig
+) -> Float[Array, "L C"]:
+    """Time (s) of all picks at each alternative; infinite where one of them is not feasible."""
+    picks = pick(robot, options[stop_of], scene.grasps[:, None], scene.table, world.pick)
+    time = jnp.where(picks.feasible, picks.time, jnp.inf)
+    return jnp.zeros(options.shape[:2]).at[stop_of].add(jnp.where(stop_of[:, None] >= 0, time, 0.0))
+
+
+def _drives(
+    robot: Robot, scene: Scene, options: Float[Array, "L C 3"], world: WorldConfig
+) -> tuple[Float[Array, " C"], Float[Array, "L-1 C C"]]:
+    """Navigation time (s) to the alternatives of the first stop, and between those of successive stops."""
+    first = navigation_time(robot, scene.robot_start, options[0], scene.table, world.navigation)
+    between = navigation_time(robot, options[:-1, :, None], options[1:, None], scene.table, world.navigation)
+    return first, between
+
+
+def cheapest_path(
+    first: Float[Array, " C"], between: Float[Array, "L-1 C C"], at: Float[Array, "L C"]
+) -> tuple[Int[Array, " L"], Float[Array, ""]]:
+    """The alternative of each stop on the cheapest path, and its cost (s): Viterbi's algorithm.
+
+    Args:
+        first: cost of going to each alternative of the first stop.
+        between: from each alternative to each of the next stop's.
+        at: cost of each alternative itself.
+    """
+
+    def forward(cost: Array, leg: tuple[Array, Array]) -> tuple[Array, Array]:
+        drives, here = leg
+        arrival = cost[:, None] + drives
+        return jnp.min(arrival, axis=0) + here, jnp.argmin(arrival, axis=0)
+
+    cost, before = jax.lax.scan(forward, first + at[0], (between, at[1:]))
+    last = jnp.argmin(cost)
+    _, choice = jax.lax.scan(lambda here, came: (came[here], came[here]), last, before, reverse=True)
+    return jnp.append(choice, last), cost[last]

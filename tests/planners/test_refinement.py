@@ -1,0 +1,110 @@
+import itertools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from basenet_jax.config import RefinementConfig
+from basenet_jax.planners.protocol import PlannerSetup
+from basenet_jax.planners.refined import Refined
+from basenet_jax.planners.refinement import alternatives, cheapest_path, reassign, refine
+from basenet_jax.planners.route import as_plan, as_route, reason_by_slot
+from basenet_jax.task.plan import execute
+
+SMALL = RefinementConfig(rounds=4, slides=3, free=2, rigid=2)
+judge = jax.jit(execute)
+move = jax.jit(refine, static_argnames="config")
+shortest = jax.jit(cheapest_path)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 2**31))
+def test_no_combination_of_alternatives_is_cheaper(seed):
+    generator = np.random.default_rng(seed)
+    stops, options = 4, 3
+    first, between, at = (
+        generator.uniform(0, 5, shape).astype(np.float32)
+        for shape in ((options,), (stops - 1, options, options), (stops, options))
+    )
+    at[generator.uniform(size=at.shape) < 0.2] = np.inf
+
+    def cost_of(path):
+        drives = sum(between[k, a, b] for k, (a, b) in enumerate(itertools.pairwise(path)))
+        return first[path[0]] + drives + sum(at[k, a] for k, a in enumerate(path))
+
+    choice, cost = shortest(first, between, at)
+    best = min(cost_of(path) for path in itertools.product(range(options), repeat=stops))
+    assert float(cost) == pytest.approx(best, rel=1e-6)
+    if np.isfinite(best):
+        assert cost_of(np.asarray(choice)) == pytest.approx(best, rel=1e-6)
+
+
+def test_the_stop_itself_is_among_its_alternatives_to_the_bit():
+    stops = jnp.array([[0.3, -0.9, 3.1], [1.0, -0.8, -3.1415927]])
+    poses = alternatives(stops, jax.random.key(0), jnp.array(0.1), SMALL)
+    np.testing.assert_array_equal(poses[:, 0], stops)
+
+
+def test_slides_keep_heading_and_line():
+    stops = jnp.array([[0.3, -0.9, 0.7]])
+    poses = alternatives(stops, jax.random.key(0), jnp.array(0.1), SMALL)[0, 1 : 1 + SMALL.slides]
+    np.testing.assert_array_equal(poses[:, 2], stops[0, 2])
+    offset = poses[:, :2] - stops[0, :2]
+    np.testing.assert_allclose(offset @ np.array([-np.sin(0.7), np.cos(0.7)]), 0.0, atol=1e-6)
+
+
+def test_rigid_motions_keep_what_stops_are_to_each_other():
+    stops = jnp.array([[0.3, -0.9, 0.7], [1.0, -0.8, 0.1], [-0.5, 1.0, 2.0]])
+    poses = np.asarray(alternatives(stops, jax.random.key(0), jnp.array(0.1), SMALL))[:, -SMALL.rigid :]
+    for index in range(SMALL.rigid):
+        for a, b in itertools.combinations(range(3), 2):
+            was, now = (rows[b, :2] - rows[a, :2] for rows in (np.asarray(stops), poses[:, index]))
+            assert np.linalg.norm(now) == pytest.approx(np.linalg.norm(was), abs=1e-5)
+        turns = poses[:, index, 2] - np.asarray(stops)[:, 2]
+        np.testing.assert_allclose(turns, turns[0], atol=1e-5)
+
+
+@pytest.fixture(scope="module")
+def planner(robot):
+    return Refined(PlannerSetup(robot=jax.device_put(robot)), refinement=SMALL)
+
+
+def test_every_plan_is_at_least_as_good_as_the_one_before(planner, robot, four_objects):
+    plans = planner.improving_plans(four_objects, jax.random.key(0))
+    outcomes = [judge(robot, four_objects, next(plans)) for _ in range(3)]
+    assert [int(outcome.grasped) for outcome in outcomes] == [4, 4, 4]
+    times = [float(outcome.execution) for outcome in outcomes]
+    assert times[0] >= times[1] >= times[2]
+
+
+def test_what_it_says_it_costs_is_what_the_judge_says(planner, robot, four_objects):
+    plan = next(planner.improving_plans(four_objects, jax.random.key(0)))
+    before = judge(robot, four_objects, plan)
+    route, cost = move(robot, four_objects, as_route(plan), jax.random.key(1), 4, config=SMALL)
+    after = judge(robot, four_objects, as_plan(four_objects, route, reason_by_slot(plan)))
+    assert float(cost) == pytest.approx(float(after.execution), abs=2e-3)
+    assert float(after.execution) <= float(before.execution) + 1e-3
+
+
+def test_reassigned_objects_are_picked_no_slower(planner, robot, four_objects):
+    plan = next(planner.improving_plans(four_objects, jax.random.key(0)))
+    route = as_route(plan)
+    better = as_plan(four_objects, jax.jit(reassign)(robot, four_objects, route), reason_by_slot(plan))
+    assert float(judge(robot, four_objects, better).picking) <= float(judge(robot, four_objects, plan).picking) + 1e-4
+
+
+def test_the_same_key_gives_the_same_plan(planner, four_objects):
+    first, second = (planner(four_objects, jax.random.key(3)) for _ in range(2))
+    jax.tree.map(np.testing.assert_array_equal, first, second)
+
+
+def test_what_only_the_grid_can_serve_is_served(robot, four_objects, monkeypatch):
+    setup = PlannerSetup(robot=jax.device_put(robot))
+    planner = Refined(setup, refinement=SMALL)
+    monkeypatch.setattr(planner, "_aligned", planner._aligned[:8])  # some stops at one corner
+    plan = planner(four_objects, jax.random.key(0))
+    assert bool(np.all(plan.served))
+    assert int(judge(robot, four_objects, plan).grasped) == 4
