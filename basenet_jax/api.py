@@ -60,7 +60,7 @@ def make_plan(
 
     Args:
         scene: unbatched.
-        planner: pbg, pbg-gc, mbp, mbp-gc, dp or basenet.
+        planner: pbg, pbg-gc, mbp, mbp-gc, dp, greedy-stops, refined or basenet.
         weights: a file of the learned planners' weights; by default those shipped with the package.
         key: for planners that draw random numbers; by default `jax.random.key(0)`.
 

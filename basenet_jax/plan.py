@@ -32,7 +32,7 @@ class Arguments:
     out: Path | None = None
     """Where to write the plan, as JSON (m, rad, s). Default: it is only printed."""
     planner: str = "basenet"
-    """pbg, pbg-gc, mbp, mbp-gc, dp or basenet."""
+    """pbg, pbg-gc, mbp, mbp-gc, dp, greedy-stops, refined or basenet."""
     weights: Path | None = None
     """Of the learned planners, as training writes them; the others need none. Default: the packaged ones."""
     picture: Path | None = None
