@@ -7,11 +7,12 @@
 #   make clean      remove environments, caches and build outputs (never runs/)
 #
 # PYTHON=/path/to/python chooses the interpreter of a new environment, VENV=directory where it goes, ARGS="--seed 3"
-# adds options to the command. Set-up is done again only when pyproject.toml changes.
+# adds options to the command, WORKERS=n runs the tests in so many processes. Set-up is done again only when pyproject.toml changes.
 
 PYTHON ?= python3
 VENV ?= .venv
 VERSIONS ?= 3.11 3.12 3.13
+WORKERS ?= 2
 ARGS ?=
 RUN = $(VENV)/bin/python
 PIP = $(RUN) -m pip --disable-pip-version-check install --quiet --quiet
@@ -38,7 +39,7 @@ types: $(VENV)/test.stamp
 	$(VENV)/bin/pyright --pythonpath $(RUN)
 
 fast-tests: $(VENV)/test.stamp
-	$(RUN) -m pytest $(ARGS)
+	$(RUN) -m pytest --numprocesses $(WORKERS) --dist loadfile $(ARGS)
 
 test-all: $(addprefix test-on-,$(VERSIONS))
 

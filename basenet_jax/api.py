@@ -5,6 +5,7 @@ go under jit, vmap and sharding; these here compile for themselves and keep what
 """
 
 import functools
+import math
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -54,6 +55,7 @@ def make_plan(
     *,
     planner: str = "basenet",
     weights: str | os.PathLike[str] | None = None,
+    budget_s: float = 0.0,
     key: Array | None = None,
 ) -> Plan:
     """Plans one scene: where the robot parks, and in which order it picks.
@@ -62,12 +64,13 @@ def make_plan(
         scene: unbatched.
         planner: pbg, pbg-gc, mbp, mbp-gc, dp, greedy-stops, refined or basenet.
         weights: a file of the learned planners' weights; by default those shipped with the package.
+        budget_s: how long an anytime planner (refined) goes on for a better plan; its first one it always finishes.
         key: for planners that draw random numbers; by default `jax.random.key(0)`.
 
     Raises:
         ValueError: there is no such planner, its weights can't be used, or (`PlanningError`) it can't serve the scene.
     """
-    _, made = planner_for(scene, planner, weights)
+    _, made = planner_for(scene, planner, weights, budget_s)
     return made(_arrays(scene), jax.random.key(0) if key is None else key)
 
 
@@ -89,28 +92,36 @@ def plot_plan(scene: NamedScene | Scene, plan: Plan) -> "Figure":
 
 
 def planner_for(
-    scene: NamedScene | Scene, name: str, weights: str | os.PathLike[str] | None = None
+    scene: NamedScene | Scene, name: str, weights: str | os.PathLike[str] | None = None, budget_s: float = 0.0
 ) -> tuple[PlannerSetup, Planner]:
     """A planner for a scene's robot and table, and what it was made for; made once and kept.
 
     Raises:
-        ValueError: there is no such planner, or its weights can't be used.
+        ValueError: there is no such planner, its weights can't be used, or the budget is negative or not finite.
     """
+    if not 0 <= budget_s < math.inf:
+        raise ValueError(f"budget: found {budget_s}, allowed are 0 and more seconds")
     table = jax.device_get(_arrays(scene).table)
     path = None if weights is None else Path(weights)
     # A file that was written anew is another one.
     version = path.stat().st_mtime_ns if path is not None and path.exists() else None
     sides = (float(table.half_size[0]), float(table.half_size[1]))
-    return _planner(name, _robot_name(scene), sides, float(table.height), path, version)
+    return _planner(name, _robot_name(scene), sides, float(table.height), budget_s, path, version)
 
 
 @functools.lru_cache(maxsize=16)
 def _planner(
-    name: str, robot: str, half_size: tuple[float, float], height: float, weights: Path | None, version: int | None
+    name: str,
+    robot: str,
+    half_size: tuple[float, float],
+    height: float,
+    budget_s: float,
+    weights: Path | None,
+    version: int | None,
 ) -> tuple[PlannerSetup, Planner]:
     del version
     table = Table(half_size=jnp.array(half_size), height=jnp.array(height))
-    setup = PlannerSetup(_robot(robot), table, weights=weights)
+    setup = PlannerSetup(_robot(robot), table, weights=weights, budget_s=budget_s)
     return setup, registry.make_planner(name, setup)
 
 

@@ -35,6 +35,8 @@ class Arguments:
     """pbg, pbg-gc, mbp, mbp-gc, dp, greedy-stops, refined or basenet."""
     weights: Path | None = None
     """Of the learned planners, as training writes them; the others need none. Default: the packaged ones."""
+    budget: float = 0.0
+    """Seconds that an anytime planner (refined) goes on for a better plan; its first one it always finishes."""
     picture: Path | None = None
     """Where to draw the plan: a name ending in .png, .pdf or .svg."""
     explain: bool = False
@@ -72,7 +74,7 @@ def _plan(options: Arguments) -> int:
         if options.picture:
             check_output_file("--picture", options.picture, (".png", ".pdf", ".svg"))
         scene = load_scene(options.scene)
-        setup, planner = planner_for(scene, options.planner, options.weights)
+        setup, planner = planner_for(scene, options.planner, options.weights, options.budget)
     except ValueError as error:
         return _fail(2, str(error))
     try:

@@ -129,3 +129,14 @@ def test_random_scenes_have_named_objects_and_can_be_saved(tmp_path):
 def test_a_number_of_objects_out_of_range_is_refused(objects):
     with pytest.raises(ValueError, match=f"objects: found {objects}, allowed are 1 to 50"):
         bn.sample_scene(jax.random.key(0), objects=objects)
+
+
+@pytest.mark.parametrize("budget", [-1.0, float("nan"), float("inf")])
+def test_a_budget_that_is_none_is_refused(scene, budget):
+    with pytest.raises(ValueError, match="budget: found"):
+        bn.make_plan(scene, planner="refined", budget_s=budget)
+
+
+def test_the_budget_reaches_the_planner(asked, scene):
+    bn.make_plan(scene, planner="refined", budget_s=1.5)
+    assert asked[-1][1].budget_s == 1.5

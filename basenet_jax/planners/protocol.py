@@ -52,6 +52,7 @@ class PlannerSetup:
     world: WorldConfig = field(default_factory=WorldConfig)
     grid: GridConfig = field(default_factory=GridConfig)
     weights: Path | None = None  # of the learned planners; None: those shipped with the package
+    budget_s: float = 0.0  # anytime planners go on while it lasts; their first plan takes as long as it takes
 
     @cached_property
     def grid_poses(self) -> Float[np.ndarray, "K 3"]:

@@ -42,19 +42,17 @@ class Refined:
         self,
         setup: PlannerSetup,
         *,
-        budget_s: float = 0.0,
         aligned: AlignedConfig = AlignedConfig(),
         refinement: RefinementConfig = RefinementConfig(),
     ):
         """Prepares the aligned stops.
 
         Args:
-            setup: robot, table and world.
-            budget_s: planning goes on while it lasts; the first plan is returned however long it took.
+            setup: robot, table, world, and the budget of time.
             aligned: the proposed stops.
             refinement: how they are moved.
         """
-        self._setup, self._budget = setup, budget_s
+        self._setup = setup
         self._refinement = refinement
         self._aligned = jax.device_put(aligned_poses(setup.robot, setup.table, aligned, setup.world.pick))
 
@@ -63,7 +61,7 @@ class Refined:
         begin = time.perf_counter()
         plans = self.improving_plans(scene, key)
         plan = next(plans)
-        while time.perf_counter() - begin < self._budget:
+        while time.perf_counter() - begin < self._setup.budget_s:
             plan = next(plans)
         return plan
 
