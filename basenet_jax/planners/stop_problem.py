@@ -14,7 +14,7 @@ from basenet_jax.task.navigation import navigation_time
 from basenet_jax.task.picking import Reason
 from basenet_jax.world.scene import Scene, Table
 
-_BUCKET = 128  # the number of stops is rounded up to a multiple, so that few shapes are compiled
+_BUCKET = 256  # the number of stops is rounded up to a multiple, so that few shapes are compiled
 
 
 class StopProblem(NamedTuple):

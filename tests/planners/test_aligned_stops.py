@@ -25,7 +25,7 @@ def test_stops_are_as_near_to_the_table_as_is_allowed(robot, table):
 
 def test_they_are_the_same_seen_from_the_other_side(robot):
     """Turning the table by pi changes nothing, so it must not change the stops."""
-    poses = aligned_poses(robot, TABLES[0])
+    poses = aligned_poses(robot, TABLES[0]).astype(float)
     turned = poses * np.array([-1.0, -1.0, 1.0]) + np.array([0.0, 0.0, np.pi])
 
     def features(poses):

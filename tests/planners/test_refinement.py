@@ -18,6 +18,7 @@ SMALL = RefinementConfig(rounds=4, slides=3, free=2, rigid=2)
 judge = jax.jit(execute)
 move = jax.jit(refine, static_argnames="config")
 shortest = jax.jit(cheapest_path)
+propose = jax.jit(alternatives, static_argnames="config")
 
 
 @settings(max_examples=20, deadline=None)
@@ -44,13 +45,13 @@ def test_no_combination_of_alternatives_is_cheaper(seed):
 
 def test_the_stop_itself_is_among_its_alternatives_to_the_bit():
     stops = jnp.array([[0.3, -0.9, 3.1], [1.0, -0.8, -3.1415927]])
-    poses = alternatives(stops, jax.random.key(0), jnp.array(0.1), SMALL)
+    poses = propose(stops, jax.random.key(0), jnp.array(0.1), SMALL)
     np.testing.assert_array_equal(poses[:, 0], stops)
 
 
 def test_slides_keep_heading_and_line():
     stops = jnp.array([[0.3, -0.9, 0.7]])
-    poses = alternatives(stops, jax.random.key(0), jnp.array(0.1), SMALL)[0, 1 : 1 + SMALL.slides]
+    poses = propose(stops, jax.random.key(0), jnp.array(0.1), SMALL)[0, 1 : 1 + SMALL.slides]
     np.testing.assert_array_equal(poses[:, 2], stops[0, 2])
     offset = poses[:, :2] - stops[0, :2]
     np.testing.assert_allclose(offset @ np.array([-np.sin(0.7), np.cos(0.7)]), 0.0, atol=1e-6)
@@ -58,7 +59,7 @@ def test_slides_keep_heading_and_line():
 
 def test_rigid_motions_keep_what_stops_are_to_each_other():
     stops = jnp.array([[0.3, -0.9, 0.7], [1.0, -0.8, 0.1], [-0.5, 1.0, 2.0]])
-    poses = np.asarray(alternatives(stops, jax.random.key(0), jnp.array(0.1), SMALL))[:, -SMALL.rigid :]
+    poses = np.asarray(propose(stops, jax.random.key(0), jnp.array(0.1), SMALL))[:, -SMALL.rigid :]
     for index in range(SMALL.rigid):
         for a, b in itertools.combinations(range(3), 2):
             was, now = (rows[b, :2] - rows[a, :2] for rows in (np.asarray(stops), poses[:, index]))
