@@ -11,15 +11,8 @@ from basenet_jax.planners import stop_search
 from basenet_jax.planners.candidates import check_candidates
 from basenet_jax.planners.exact_sequence import best_sequence
 from basenet_jax.planners.protocol import assemble_plan
-from basenet_jax.planners.stop_search import (
-    best_neighbour,
-    exchange_costs,
-    make_costs,
-    plan_steps,
-    reversal_gains,
-    route_cost,
-    search_stops,
-)
+from basenet_jax.planners.stop_moves import best_neighbour, exchange_costs, make_costs, reversal_gains, route_cost
+from basenet_jax.planners.stop_search import plan_steps, search_stops
 from basenet_jax.task.navigation import navigation_time
 from basenet_jax.task.plan import execute
 
