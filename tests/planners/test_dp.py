@@ -2,6 +2,7 @@ import dataclasses
 import itertools
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -41,7 +42,8 @@ def every_plan(candidates, slots):
             order.append(permutation)
             stops.append(poses[list(choice)])
     count = len(order)
-    return Plan(np.array(order), np.array(stops), np.ones((count, slots), bool), np.zeros((count, slots), int))
+    leaves = (np.array(order), np.array(stops), np.ones((count, slots), bool), np.zeros((count, slots), int))
+    return Plan(*map(jnp.asarray, leaves))
 
 
 def test_no_plan_is_judged_cheaper(setup, scenes):

@@ -1,4 +1,5 @@
 import itertools
+from typing import Any
 
 import jax
 import numpy as np
@@ -24,7 +25,8 @@ def random_costs(seed, objects, poses, share=0.5):
     return tuple(x.astype(np.float32) for x in (picks, generator.uniform(5, 15, poses), drive))
 
 
-def cost_of(order, stops, picks, first, drive):
+def cost_of(order, stops, costs):
+    picks, first, drive = costs
     drives = first[stops[0]] + sum(drive[p, q] for p, q in itertools.pairwise(stops))
     return drives + sum(picks[p, o] for o, p in zip(order, stops, strict=True))
 
@@ -32,7 +34,7 @@ def cost_of(order, stops, picks, first, drive):
 def brute_force(picks, first, drive):
     poses, objects = picks.shape
     return min(
-        cost_of(order, stops, picks, first, drive)
+        cost_of(order, stops, (picks, first, drive))
         for order in itertools.permutations(range(objects))
         for stops in itertools.product(range(poses), repeat=objects)
     )
@@ -44,7 +46,7 @@ def test_nothing_is_cheaper_by_brute_force(seed, objects):
     costs = random_costs(seed, objects, 5)
     order, stops = (np.asarray(x) for x in solve(*costs))
     assert sorted(order) == list(range(objects))
-    np.testing.assert_allclose(cost_of(order, stops, *costs), brute_force(*costs), rtol=1e-6)
+    np.testing.assert_allclose(cost_of(order, stops, costs), brute_force(*costs), rtol=1e-6)
 
 
 def mixed_integer_optimum(picks, first, drive):
@@ -81,7 +83,7 @@ def mixed_integer_optimum(picks, first, drive):
     rows.append(block({0: member} | {start(layer): member @ into for layer in range(objects - 1)}))
     bounds.append(np.ones(objects))
     limits = np.concatenate(bounds)
-    constraint = optimize.LinearConstraint(sparse.vstack(rows), limits, limits)
+    constraint: Any = optimize.LinearConstraint(sparse.vstack(rows), limits, limits)  # pyright: ignore[reportArgumentType]
     result = optimize.milp(cost, integrality=np.ones_like(cost), bounds=(0, 1), constraints=constraint)
     assert result.success, result.message
     return result.fun
@@ -91,7 +93,7 @@ def mixed_integer_optimum(picks, first, drive):
 def test_agrees_with_a_mixed_integer_solver_on_six_objects(seed):
     costs = random_costs(seed, 6, 12, share=0.3)
     order, stops = (np.asarray(x) for x in solve(*costs))
-    np.testing.assert_allclose(cost_of(order, stops, *costs), mixed_integer_optimum(*costs), rtol=1e-5)
+    np.testing.assert_allclose(cost_of(order, stops, costs), mixed_integer_optimum(*costs), rtol=1e-5)
 
 
 def test_more_poses_never_cost_more():
@@ -99,7 +101,8 @@ def test_more_poses_never_cost_more():
     costs = []
     for count in (8, 16, 32):
         part = (np.where(np.isinf(picks[:8]).all(0), 9.0, picks)[:count], first[:count], drive[:count, :count])
-        costs.append(cost_of(*(np.asarray(x) for x in solve(*part)), *part))
+        order, stops = (np.asarray(x) for x in solve(*part))
+        costs.append(cost_of(order, stops, part))
     assert costs[0] >= costs[1] >= costs[2]
 
 

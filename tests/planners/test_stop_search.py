@@ -164,7 +164,10 @@ def test_the_result_costs_what_its_steps_cost_and_no_more_than_the_start(seed, i
         assert sorted(order) == list(range(OBJECTS))
         np.testing.assert_allclose(found.cost, steps_cost(order, places, *problem), rtol=1e-5)
         visited = np.asarray(found.stops)
-        assert [stop for stop, _ in itertools.groupby(places)] == visited[visited >= 0].tolist()
+        # A random change may have put a stop beside itself, which costs nothing.
+        assert [stop for stop, _ in itertools.groupby(places)] == [
+            s for s, _ in itertools.groupby(visited[visited >= 0])
+        ]
 
 
 @pytest.mark.parametrize(("objects", "seed"), [*itertools.product([1, 3, 5], range(4))])
