@@ -7,7 +7,8 @@
 #   make clean      remove environments, caches and build outputs (never runs/)
 #
 # PYTHON=/path/to/python chooses the interpreter of a new environment, VENV=directory where it goes, ARGS="--seed 3"
-# adds options to the command, WORKERS=n runs the tests in so many processes. Set-up is done again only when pyproject.toml changes.
+# adds options to the command, WORKERS=n runs the tests in so many processes. Set-up is done again only when
+# pyproject.toml changes.
 
 PYTHON ?= python3
 VENV ?= .venv
@@ -49,7 +50,7 @@ test-on-%:
 	else echo "Python $*: $$python"; $(MAKE) --no-print-directory fast-tests PYTHON="$$python" VENV=.venv-$*; fi
 
 bench: $(VENV)/package.stamp
-	set -e; for name in inverse_kinematics navigation picks; do echo "$$name"; $(RUN) -m benchmarks.$$name $(ARGS); done
+	set -e; for name in inverse_kinematics navigation picks planners; do echo "$$name"; $(RUN) -m benchmarks.$$name $(ARGS); done
 	$(RUN) -m benchmarks.sequence_training $(if $(RUN_DIR),--weights $(RUN_DIR)/weights/base_pose.weights) $(ARGS)
 ifdef RUN_DIR
 	$(RUN) -m benchmarks.orders --weights $(RUN_DIR)/weights/basenet.weights $(ARGS)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import tyro
 
-SCRIPTS = ("inverse_kinematics", "navigation", "picks", "sequence_training", "orders")
+SCRIPTS = ("inverse_kinematics", "navigation", "picks", "sequence_training", "orders", "planners")
 
 
 @dataclass(frozen=True)

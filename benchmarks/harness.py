@@ -177,6 +177,8 @@ def _plain(value: Any) -> Any:
     """The same with paths that don't name the machine, and arrays as numbers."""
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
     if isinstance(value, Path):
         return environment.portable(value)
     return value.tolist() if isinstance(value, np.generic | np.ndarray | jax.Array) else value
