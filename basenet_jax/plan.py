@@ -122,7 +122,7 @@ def _report(options: Arguments, scene: "NamedScene", setup: "PlannerSetup", time
 
 def _draw(figure: "Figure", path: Path) -> bytes:
     buffer = io.BytesIO()
-    figure.savefig(buffer, format=path.suffix.lower()[1:], dpi=150)
+    figure.savefig(buffer, format=path.suffix.lower()[1:], dpi=150, bbox_inches="tight")
     return buffer.getvalue()
 
 

@@ -1,0 +1,165 @@
+"""The stop policy on made-up problems: symmetries, padding, what is allowed, and the rule that it starts as."""
+
+import dataclasses
+
+import hypothesis.extra.numpy as arrays
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from basenet_jax.policies.stop_policy import StopGraph, StopPolicy, StopProblem, StopState, access_time, make_problem
+
+STOPS, OBJECTS = 20, 4
+POLICY = StopPolicy(features=8, considered=8)
+apply, init = jax.jit(POLICY.apply), jax.jit(POLICY.init)
+access_times, make = jax.jit(access_time), jax.jit(make_problem)
+
+
+def made_up(seed, stops=STOPS, objects=OBJECTS):
+    """Random times; every object is served by the first stop and some others."""
+    rng = np.random.default_rng(seed)
+    pick = rng.uniform(9, 14, (stops, objects))
+    pick[rng.random(pick.shape) < 0.6] = np.inf
+    pick[0] = 12.0
+    drive = rng.uniform(2, 8, (stops, stops))
+    np.fill_diagonal(drive, 0.0)
+    graph = StopGraph(jnp.asarray(rng.normal(size=(stops, 3)), jnp.float32), jnp.asarray(drive, jnp.float32))
+    problem = make(
+        graph,
+        jnp.asarray(pick, jnp.float32),
+        jnp.asarray(rng.uniform(2, 8, stops), jnp.float32),
+        jnp.array([2.5, 0.3, 1.0]),
+        jnp.asarray(rng.normal(size=(objects, 4)), jnp.float32),
+        jnp.ones(objects, bool),
+    )
+    return graph, problem
+
+
+def at_stop(graph, problem, stop, best, spare=0.0):
+    return StopState(graph.poses[stop], graph.drive[stop], jnp.asarray(best, jnp.float32), jnp.array(spare))
+
+
+@pytest.fixture(scope="module")
+def case():
+    """A problem, the state after a visit to the first stop that served the first object only, and parameters."""
+    graph, problem = made_up(0)
+    state = at_stop(graph, problem, 3, [12.0, np.inf, np.inf, np.inf], spare=1.0)
+    params = init(jax.random.key(0), graph, problem, state)
+    leaves, tree = jax.tree.flatten(params)
+    keys = jax.random.split(jax.random.key(1), len(leaves))
+    shaken = [leaf + 0.1 * jax.random.normal(key, leaf.shape) for leaf, key in zip(leaves, keys, strict=True)]
+    return graph, problem, state, jax.tree.unflatten(tree, shaken), params
+
+
+def test_permuting_objects_changes_nothing(case):
+    graph, problem, state, params, _ = case
+    order = np.array([2, 0, 3, 1])
+    permuted = dataclasses.replace(
+        problem,
+        pick_time=problem.pick_time[:, order],
+        access=problem.access[:, order],
+        grasps=problem.grasps[order],
+        mask=problem.mask[order],
+    )
+    stops, end = apply(params, graph, problem, state)
+    same_stops, same_end = apply(params, graph, permuted, state._replace(best=state.best[order]))
+    np.testing.assert_allclose(stops, same_stops, atol=1e-4)
+    np.testing.assert_allclose(end, same_end, atol=1e-4)
+
+
+def test_permuting_stops_permutes_logits(case):
+    graph, problem, state, params, _ = case
+    order = np.random.default_rng(1).permutation(STOPS)
+    permuted = dataclasses.replace(
+        problem,
+        pick_time=problem.pick_time[order],
+        access=problem.access[order],
+        first_drive=problem.first_drive[order],
+    )
+    stops, _ = apply(params, graph, problem, state)
+    same, _ = apply(
+        params,
+        StopGraph(graph.poses[order], graph.drive[order][:, order]),
+        permuted,
+        state._replace(drive=state.drive[order]),
+    )
+    assert np.sum(np.isfinite(stops)) == POLICY.considered
+    np.testing.assert_allclose(stops[order], same, atol=1e-4)
+
+
+def test_padding_changes_nothing(case):
+    graph, problem, state, params, _ = case
+    padded = dataclasses.replace(
+        problem,
+        pick_time=jnp.pad(problem.pick_time, ((0, 0), (0, 2)), constant_values=3.0),
+        access=jnp.pad(problem.access, ((0, 0), (0, 2)), constant_values=np.nan),
+        grasps=jnp.pad(problem.grasps, ((0, 2), (0, 0)), constant_values=np.nan),
+        mask=jnp.pad(problem.mask, (0, 2)),
+    )
+    more = state._replace(best=jnp.pad(state.best, (0, 2), constant_values=np.inf))
+    for ours, theirs in zip(apply(params, graph, problem, state), apply(params, graph, padded, more), strict=True):
+        np.testing.assert_allclose(ours, theirs, atol=1e-4)
+
+
+def test_it_starts_as_the_rule(case):
+    graph, problem, state, _, params = case
+    pick, best = np.asarray(problem.pick_time), np.asarray(state.best)
+    least = pick.min(axis=0)
+    rule = params["params"]["rule"]
+    cost = np.asarray(state.drive).copy()
+    for stop in range(STOPS):
+        for o in range(OBJECTS):
+            if np.isinf(best[o]) and np.isfinite(pick[stop, o]):
+                cost[stop] -= float(rule["worth"]) - (pick[stop, o] - least[o])
+            elif pick[stop, o] < best[o]:
+                cost[stop] -= best[o] - pick[stop, o]
+        cost[stop] += float(rule["farthest"]) * max(
+            problem.access[stop, o] for o in range(OBJECTS) if np.isinf(best[o])
+        )
+    stops, _ = map(np.asarray, apply(params, graph, problem, state))
+    looked_at = np.isfinite(stops)
+    np.testing.assert_allclose(stops[looked_at], -float(rule["sharpness"]) * cost[looked_at], rtol=1e-4)
+    assert np.argmax(stops) == np.argmin(cost)
+
+
+def test_what_is_allowed():
+    graph, problem = made_up(5)
+    pick = jnp.full((STOPS, OBJECTS), jnp.inf).at[0].set(12.0).at[1, 0].set(9.0).at[2, 1].set(11.0)
+    problem = dataclasses.replace(problem, pick_time=pick, access=access_time(graph.drive, pick))
+    params = init(jax.random.key(0), graph, problem, at_stop(graph, problem, 0, [np.inf] * 4))
+
+    def allowed(best, spare):
+        stops, end = apply(params, graph, problem, at_stop(graph, problem, 0, best, spare))
+        return np.flatnonzero(np.isfinite(stops)).tolist(), bool(np.isfinite(end))
+
+    waiting = np.inf
+    assert allowed([waiting] * 4, 0.0) == ([0, 1, 2], False)
+    assert allowed([12.0, waiting, 12.0, 12.0], 0.0) == ([0, 2], False)  # stop 1 would save time, but none is to spare
+    assert allowed([12.0, waiting, 12.0, 12.0], 1.0) == ([0, 1, 2], False)
+    assert allowed([12.0] * 4, 3.0) == ([1, 2], True)
+    assert allowed([9.0, 11.0, 12.0, 12.0], 3.0) == ([], True)
+
+
+@given(
+    arrays.arrays(np.float32, (5, 5), elements=st.floats(0, 20, width=32)),
+    arrays.arrays(np.float32, (5, 3), elements=st.sampled_from([8.0, 9.5, 12.0, np.inf])),
+)
+def test_access_time_is_the_least_over_all_stops(drive, pick):
+    access = np.asarray(access_times(jnp.asarray(drive), jnp.asarray(pick)))
+    for stop in range(5):
+        for o in range(3):
+            finite = [drive[stop, s] + pick[s, o] - pick[:, o].min() for s in range(5) if np.isfinite(pick[s, o])]
+            assert access[stop, o] == pytest.approx(min(finite, default=np.inf), abs=1e-4)
+
+
+def test_objects_that_no_stop_serves_are_left_out():
+    graph, problem = made_up(2)
+    pick = problem.pick_time.at[:, 1].set(jnp.inf)
+    remade = make(
+        graph, pick, problem.first_drive, problem.robot_start, problem.grasps, jnp.array([True, True, True, False])
+    )
+    assert isinstance(remade, StopProblem)
+    assert remade.mask.tolist() == [True, False, True, False]

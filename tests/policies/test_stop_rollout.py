@@ -1,0 +1,178 @@
+"""Episodes: their cost is the judge's, everything is served, and the gradient is the exact one."""
+
+import dataclasses
+import itertools
+from typing import Any
+
+import chex
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from basenet_jax.config import AlignedConfig
+from basenet_jax.planners.aligned_stops import aligned_poses
+from basenet_jax.planners.candidates import check_candidates
+from basenet_jax.planners.protocol import assemble_plan
+from basenet_jax.policies.stop_policy import StopPolicy, StopProblem, make_problem, stop_graph
+from basenet_jax.policies.stop_rollout import (
+    END,
+    best_of,
+    choices_gradient,
+    choose_best,
+    choose_randomly,
+    plan_of,
+    plans_of,
+    play,
+    start,
+    visit,
+)
+from basenet_jax.task.plan import execute
+from basenet_jax.world.generate import draw_scene
+from tests.policies.test_stop_policy import made_up
+
+POLICY = StopPolicy(features=8, considered=12)
+
+
+@jax.jit
+def sampled(params, graph, problem, key):
+    return play(POLICY, params, graph, problem, choose_randomly(key))
+
+
+@jax.jit
+def greedy(params, graph, problem):
+    return play(POLICY, params, graph, problem, choose_best)
+
+
+def batch(problem: StopProblem, count: int) -> StopProblem:
+    return jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *x.shape)), problem)
+
+
+def shaken(graph, problem, scale=0.3, policy=POLICY):
+    """Parameters that follow no rule."""
+    params = jax.jit(policy.init)(jax.random.key(0), graph, problem, start(problem))
+    leaves, tree = jax.tree.flatten(params)
+    keys = jax.random.split(jax.random.key(1), len(leaves))
+    return jax.tree.unflatten(
+        tree, [leaf + scale * jax.random.normal(key, leaf.shape) for leaf, key in zip(leaves, keys, strict=True)]
+    )
+
+
+@pytest.fixture(scope="module")
+def case():
+    graph, problem = made_up(7)
+    return graph, problem, shaken(graph, problem)
+
+
+def test_cost_is_the_judges(robot, table):
+    """On a real scene with an empty slot: the plan's cost is N + G of its execution, and everything is grasped."""
+    scene, _ = jax.jit(draw_scene, static_argnames="slots")(jax.random.key(4), 3, table, slots=4)
+    poses = jnp.asarray(aligned_poses(robot, table, AlignedConfig(step_m=0.4)))
+    graph = jax.jit(stop_graph)(robot, table, poses)
+    picks = check_candidates(robot, scene, poses, pairs_at_once=256).pick_time
+    problem = make_problem(graph, picks, graph.drive[0], scene.robot_start, scene.grasps, scene.mask)
+    drives = jax.jit(stop_graph)(robot, table, jnp.concatenate([scene.robot_start[None], poses])).drive
+    problem = dataclasses.replace(problem, first_drive=drives[0, 1:])
+    params = shaken(graph, problem)
+    visited = sampled(params, graph, batch(problem, 3), jax.random.key(0))
+    plans = plans_of(graph, batch(problem, 3), visited)
+    for stops, picked_at, cost in zip(*map(np.asarray, plans), strict=True):
+        order = np.argsort(picked_at, kind="stable")[np.sum(picked_at < 0) :]
+        plan = assemble_plan(scene, order, np.asarray(poses)[stops[picked_at[order]]], np.zeros(4, int))
+        outcome = jax.jit(execute)(robot, scene, plan)
+        assert int(outcome.grasped) == 3
+        assert float(outcome.execution) == pytest.approx(float(cost), abs=2e-2)
+
+
+def test_everything_is_served_within_as_many_stops_as_objects(case):
+    graph, problem, params = case
+    many = batch(problem, 64)
+    visited = np.asarray(sampled(params, graph, many, jax.random.key(2)))
+    plans = plans_of(graph, many, jnp.asarray(visited))
+    assert np.all(np.isfinite(plans.cost))
+    assert np.all(plans.picked_at >= 0)
+    assert np.all((visited[:, 1:] == END) | (visited[:, :-1] != END)), "a stop after the end"
+    assert len(np.unique(visited, axis=0)) > 8, "hardly random"
+
+
+def test_plan_of_drops_idle_stops_and_adds_up(case):
+    graph, problem, _ = case
+    pick, drive, first = (np.asarray(x) for x in (problem.pick_time, graph.drive, problem.first_drive))
+    for seed in range(20):
+        visited = np.append(0, np.random.default_rng(seed).permutation(np.arange(1, 20))[:3])
+        plan = plan_of(graph, problem, jnp.asarray(visited))
+        best = pick[visited].argmin(axis=0)
+        used = [int(stop) for place, stop in enumerate(visited) if place in best]
+        expected = pick[visited].min(axis=0).sum() + first[used[0]]
+        expected += sum(drive[a, b] for a, b in itertools.pairwise(used))
+        assert float(plan.cost) == pytest.approx(expected, abs=1e-4)
+        np.testing.assert_array_equal(plan.stops[plan.stops != END], used)
+        np.testing.assert_array_equal(plan.picked_at, best)
+
+
+def test_a_plan_that_misses_an_object_costs_infinitely_much(case):
+    graph, problem, _ = case
+    assert np.isinf(plan_of(graph, problem, jnp.full(4, END)).cost)
+
+
+def test_best_of_is_never_worse_than_greedy(case):
+    graph, problem, params = case
+    cost = float(plan_of(graph, problem, greedy(params, graph, problem)).cost)
+    best = jax.jit(best_of, static_argnums=(0, 5))
+    assert float(best(POLICY, params, graph, problem, jax.random.key(0), 0).cost) == pytest.approx(cost)
+    costs = [float(best(POLICY, params, graph, problem, jax.random.key(seed), 16).cost) for seed in range(4)]
+    assert max(costs) <= cost + 1e-4
+    assert min(costs) < cost - 0.1, "samples never help: the test would show nothing"
+
+
+def test_padding_changes_no_greedy_episode(case):
+    graph, problem, params = case
+    padded = dataclasses.replace(
+        problem,
+        pick_time=jnp.pad(problem.pick_time, ((0, 0), (0, 2)), constant_values=2.0),
+        access=jnp.pad(problem.access, ((0, 0), (0, 2)), constant_values=1.0),
+        grasps=jnp.pad(problem.grasps, ((0, 2), (0, 0)), constant_values=7.0),
+        mask=jnp.pad(problem.mask, (0, 2)),
+    )
+    ours, theirs = greedy(params, graph, problem), greedy(params, graph, padded)
+    np.testing.assert_array_equal(theirs, np.append(ours, [END, END]))
+
+
+def sequences(stops):
+    """All of two choices of stop or END; nothing comes after END."""
+    choices = [END, *range(stops)]
+    return np.array([(a, b) for a, b in itertools.product(choices, choices) if a != END or b == END])
+
+
+def test_gradient_is_that_of_the_expected_cost_by_enumeration():
+    """Over all sequences, `choices_gradient` weighted by -P cost against autodiff of the sum of P cost."""
+    policy = StopPolicy(features=4, layers=1, considered=5)
+    graph, problem = made_up(3, stops=5, objects=2)
+    params = shaken(graph, problem, policy=policy)
+    visited = jnp.asarray(sequences(5))
+    many = batch(problem, len(visited))
+
+    def chances(params):
+        state, chance, going = start(many), jnp.ones(len(visited)), jnp.ones(len(visited), bool)
+        for stop in visited.T:
+            logits: Any = policy.apply(params, graph, many, state)
+            share = jax.nn.softmax(jnp.concatenate([logits[0], logits[1][:, None]], axis=-1))
+            own = jnp.take_along_axis(share, jnp.where(stop == END, 5, stop)[:, None], axis=1)[:, 0]
+            chance = chance * jnp.where(going, own, 1.0)
+            state, going = visit(graph, many, state, stop), going & (stop != END)
+        return chance
+
+    chance = jax.jit(chances)(params)
+    assert float(jnp.sum(chance)) == pytest.approx(1.0, abs=1e-5)
+    cost = plans_of(graph, many, visited).cost
+    cost = jnp.where(chance > 0, cost, 0.0)
+    assert np.all(np.isfinite(cost))
+    assert float(jnp.std(cost[chance > 0])) > 0.1, "all cost the same: the test would show nothing"
+    exact = jax.jit(jax.grad(lambda params: jnp.sum(chances(params) * cost)))(params)
+    gradient = jax.jit(choices_gradient, static_argnums=0)
+    for baseline in (0.0, float(jnp.mean(cost))):  # a constant baseline doesn't bias the gradient
+        weight = -len(visited) * chance * (cost - baseline)
+        estimate, _, entropy = gradient(policy, params, graph, many, visited, weight)
+        chex.assert_trees_all_close(estimate, exact, atol=2e-3, rtol=2e-2)
+    assert float(entropy) > 0.1
+    assert float(jnp.max(jnp.abs(exact["params"]["score"]["kernel"]))) > 1e-2
