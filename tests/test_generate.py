@@ -30,8 +30,8 @@ def texts(folder):
 
 
 def test_scenes_are_written_and_valid(call):
-    code, out, err = call("--count", "4", "--out", "new/scenes")
-    assert (code, err) == (0, "")
+    code, out, _ = call("--count", "4", "--out", "new/scenes")  # progress, if it takes long, goes to stderr
+    assert code == 0
     assert out == "4 scenes with 3 objects: new/scenes/scene-0000.yaml to scene-0003.yaml\n"
     assert sorted(os.listdir("new/scenes")) == [f"scene-000{i}.yaml" for i in range(4)]
     scenes = [load_scene(f"new/scenes/scene-000{i}.yaml") for i in range(4)]

@@ -165,7 +165,7 @@ def test_what_a_planner_refuses_is_passed_on(call, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--planner", "best"], "planner: found 'best', allowed are pbg, pbg-gc, mbp, mbp-gc, dp, basenet"),
+        (["--planner", "best"], "planner: found 'best', allowed are pbg, pbg-gc, mbp, mbp-gc, dp, "),
         (["--weights", "none"], "none: can't be read: No such file or directory"),
         (["--weights", "scene.yaml"], "scene.yaml: format: found 'format: basenet-scene/1', needs 'basenet-weights/1'"),
     ],
