@@ -22,6 +22,7 @@ class Arguments:
 
 
 def main(arguments: list[str] | None = None) -> None:
+    """Runs the scripts asked for, one after the other."""
     options = tyro.cli(Arguments, args=arguments, prog="python -m benchmarks", description=__doc__)
     for name in SCRIPTS:
         written = ["--out", str(options.out / f"{name}.json")] if options.out else []

@@ -4,12 +4,13 @@ import hashlib
 import os
 import platform
 import shlex
-import subprocess
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import jax
+
+from basenet_jax.evaluation.provenance import cpu_model
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("jax", "jaxlib", "mujoco", "mujoco-mjx", "brax", "flax", "optax", "numpy", "scipy")
@@ -20,7 +21,7 @@ def hardware() -> dict[str, Any]:
     device = jax.devices()[0]
     affinity = getattr(os, "sched_getaffinity", None)  # not on macOS
     return {
-        "cpu": _cpu_model(),
+        "cpu": cpu_model(),
         "cores": os.cpu_count(),
         "cores_usable": len(affinity(0)) if affinity else os.cpu_count(),
         "memory_gib": _memory_gib(),
@@ -33,13 +34,6 @@ def hardware() -> dict[str, Any]:
 def versions() -> dict[str, str]:
     """Of Python and the packages that results depend on."""
     return {"python": platform.python_version()} | {name: metadata.version(name) for name in PACKAGES}
-
-
-def commit() -> dict[str, Any]:
-    """The hash, and whether anything but benchmark results differs from it; nulls outside a checkout."""
-    head = _git("rev-parse", "HEAD")
-    changes = _git("status", "--porcelain", "--", ".", ":(exclude)benchmarks/results")
-    return {"hash": head, "dirty": None if changes is None else bool(changes)}
 
 
 def command(module: str, arguments: list[str]) -> str:
@@ -69,25 +63,8 @@ def fingerprint(path: Path) -> dict[str, str]:
     return {"file": portable(path), "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
 
 
-def _cpu_model() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return platform.processor() or platform.machine()
-    names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
-    return next(names, platform.machine())
-
-
 def _memory_gib() -> float | None:
     try:
         return round(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 2**30, 1)
     except (AttributeError, ValueError, OSError):
         return None
-
-
-def _git(*arguments: str) -> str | None:
-    try:
-        result = subprocess.run(["git", *arguments], cwd=ROOT, capture_output=True, text=True, check=False)
-    except OSError:
-        return None
-    return result.stdout.strip() if result.returncode == 0 else None

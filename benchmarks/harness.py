@@ -21,6 +21,7 @@ from rich.console import Console
 from rich.table import Table
 
 from basenet_jax.atomic import write_atomically
+from basenet_jax.evaluation.provenance import commit
 from benchmarks import environment
 
 RESULTS = Path(__file__).resolve().parent / "results"
@@ -132,7 +133,7 @@ class Report:
             "benchmark": name,
             "command": environment.command(f"benchmarks.{script or name}", arguments),
             "date": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-            "commit": environment.commit(),
+            "commit": commit(),
             "load_average_at_start": round(os.getloadavg()[0], 2),
             "options": _plain(dataclasses.asdict(options)),
         }

@@ -28,6 +28,7 @@ ITERATIONS = 30
 
 
 def main(arguments: list[str] | None = None) -> dict[str, Any]:
+    """Measures, prints a table and writes the results."""
     arguments = sys.argv[1:] if arguments is None else arguments
     options = parse(Options, NAME, __doc__, arguments)
     report = Report(NAME, options, arguments)

@@ -43,6 +43,7 @@ class OrderOptions(Options):
 
 
 def main(arguments: list[str] | None = None) -> dict[str, Any]:
+    """Measures, prints a table and writes the results."""
     arguments = sys.argv[1:] if arguments is None else arguments
     options = parse(OrderOptions, NAME, __doc__, arguments)
     if options.weights is None and not options.quick:

@@ -52,6 +52,7 @@ class AllObjects(Reinforce):
 
 
 def main(arguments: list[str] | None = None) -> dict[str, Any]:
+    """Measures, prints a table and writes the results."""
     arguments = sys.argv[1:] if arguments is None else arguments
     options = parse(TrainingOptions, NAME, __doc__, arguments)
     report = Report(NAME, options, arguments)

@@ -7,8 +7,9 @@ import jax
 from jax import Array
 
 from basenet_jax.config import TrainConfig, make_preset
-from basenet_jax.learning.training import Training, Weights
+from basenet_jax.learning.training import Training
 from basenet_jax.policies.base_pose import BasePosePolicy
+from basenet_jax.policies.trained import Weights
 from basenet_jax.weights_file import load_weights
 from benchmarks.environment import fingerprint
 

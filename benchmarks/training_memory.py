@@ -33,6 +33,7 @@ class MemoryOptions(Options):
 
 
 def main(arguments: list[str] | None = None) -> dict[str, Any]:
+    """Measures, prints a table and writes the results."""
     arguments = sys.argv[1:] if arguments is None else arguments
     split = arguments.index("--") if "--" in arguments else len(arguments)
     options, given = parse(MemoryOptions, NAME, __doc__, arguments[:split]), arguments[split + 1 :]

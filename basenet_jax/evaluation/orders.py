@@ -11,7 +11,7 @@ from jax import Array
 from basenet_jax.config import WorldConfig
 from basenet_jax.policies.base_pose import BasePosePolicy
 from basenet_jax.policies.grasp_sequence import GraspSequencePolicy
-from basenet_jax.policies.pickup import Choose, PickupState, as_plan, choose_nearest, choose_random, rollout
+from basenet_jax.policies.pickup import Choose, as_plan, choose_learned, choose_nearest, choose_random, rollout
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.plan import Outcome, execute
 from basenet_jax.world.generate import draw_scene
@@ -58,12 +58,11 @@ def compare_orders(
     scene_key, play_key = jax.random.split(jax.random.key(seed))
     batch = random_scenes(scene_key, objects, scenes, world)
 
-    def learned(state: PickupState, key: Array) -> Array:
-        del key
-        logits = network.apply(params, batch.grasps, state.robot_pose, state.remaining)
-        return jnp.argmax(jnp.asarray(logits), axis=-1)
-
-    orders: dict[str, Choose] = {"learned": learned, "nearest": choose_nearest(batch), "random": choose_random}
+    orders: dict[str, Choose] = {
+        "learned": choose_learned(network, params, batch),
+        "nearest": choose_nearest(batch),
+        "random": choose_random,
+    }
     results = {}
     for name, choose in orders.items():
         play: Callable[[], Outcome] = jax.jit(

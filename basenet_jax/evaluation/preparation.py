@@ -56,6 +56,7 @@ def prepare(request: Request, arguments: list[str]) -> tuple[Planners, list[Scen
         "weights": provenance.weights_fingerprint(request.weights),
         "versions": provenance.versions(),
         "hardware": provenance.hardware(),
+        "commit": provenance.commit(),
     }
     return planners, sets, about
 

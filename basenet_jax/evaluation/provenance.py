@@ -4,6 +4,7 @@ import hashlib
 import os
 import platform
 import shlex
+import subprocess
 from importlib import metadata
 from importlib.resources import as_file, files
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any
 
 import jax
 
-from basenet_jax.planners.basenet import PACKAGED
+from basenet_jax.policies.trained import PACKAGED
 
 PACKAGES = ("basenet_jax", "jax", "jaxlib", "mujoco", "flax", "numpy", "scipy")
 
@@ -21,7 +22,7 @@ def hardware() -> dict[str, Any]:
     device = jax.devices()[0]
     affinity = getattr(os, "sched_getaffinity", None)  # not on macOS
     return {
-        "cpu": _cpu_model(),
+        "cpu": cpu_model(),
         "cores": len(affinity(0)) if affinity else os.cpu_count(),
         "accelerator": None if device.platform == "cpu" else device.device_kind,
         "system": f"{platform.system()} {platform.machine()}",
@@ -36,6 +37,13 @@ def versions() -> dict[str, str]:
 def command(module: str, arguments: list[str]) -> str:
     """The command line; of absolute paths only the last part is kept."""
     return shlex.join(["python", "-m", module, *map(_portable, arguments)])
+
+
+def commit() -> dict[str, Any]:
+    """The checkout's hash, and whether anything but benchmark results differs from it; nulls outside a checkout."""
+    head = _git("rev-parse", "HEAD")
+    changes = _git("status", "--porcelain", "--", ".", ":(exclude)benchmarks/results")
+    return {"hash": head, "dirty": None if changes is None else bool(changes)}
 
 
 def weights_fingerprint(path: Path | None) -> dict[str, str]:
@@ -53,13 +61,25 @@ def weights_fingerprint(path: Path | None) -> dict[str, str]:
         raise ValueError(f"{path or PACKAGED}: can't be read: {error.strerror}") from error
 
 
+def _git(*arguments: str) -> str | None:
+    root = Path(__file__).resolve().parents[2]
+    if not (root / ".git").exists():  # installed, perhaps into somebody else's checkout
+        return None
+    try:
+        result = subprocess.run(["git", *arguments], cwd=root, capture_output=True, text=True, check=False)
+    except OSError:
+        return None
+    return result.stdout.strip() if result.returncode == 0 else None
+
+
 def _portable(argument: str) -> str:
     """An argument (`--name`, `value` or `--name=value`) with an absolute path cut to its last part."""
     name, separator, value = argument.rpartition("=")
     return f"{name}{separator}{Path(value).name}" if Path(value).is_absolute() else argument
 
 
-def _cpu_model() -> str:
+def cpu_model() -> str:
+    """The CPU as it calls itself."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:

@@ -8,7 +8,8 @@ from rich.console import Console
 from rich.table import Table as RichTable
 
 from basenet_jax.evaluation.orders import OrderResult, compare_orders
-from basenet_jax.learning.training import Training, Weights
+from basenet_jax.learning.training import Training
+from basenet_jax.policies.trained import Weights
 
 
 def summarise(training: Training, weights: Weights) -> dict[str, Any]:

@@ -27,7 +27,7 @@ def write_tables(folder: Path, rows: Sequence[Row], about: dict[str, Any]) -> No
         folder: an existing folder.
         rows: the evaluation.
         about: what it was made with, JSON-able: `command`, `seed`, `repeats`, `scenes`, `versions`, `hardware`,
-            `weights`.
+            `commit`, `weights`.
 
     Raises:
         OSError: one can't be written.

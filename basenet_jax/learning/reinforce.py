@@ -16,8 +16,8 @@ from jax import Array
 
 from basenet_jax.config import ReinforceConfig, WorldConfig
 from basenet_jax.policies.base_pose import BasePosePolicy
-from basenet_jax.policies.grasp_sequence import GraspSequencePolicy
-from basenet_jax.policies.pickup import PickupState, PickupStep, choose_nearest, episode_cost, rollout
+from basenet_jax.policies.pickup import PickupState, PickupStep, choose_learned, choose_nearest, episode_cost, rollout
+from basenet_jax.policies.trained import sequence_network
 from basenet_jax.robot.model import Robot
 from basenet_jax.world.generate import draw_scene
 from basenet_jax.world.scene import Scene, Table
@@ -45,7 +45,7 @@ class Reinforce:
         """Builds the network and its optimiser, for a frozen base-pose policy."""
         self.robot, self.base_pose, self.config, self.world = robot, base_pose, config, world
         self.table = Table.from_config(world.table)
-        self.network = GraspSequencePolicy(config.features, config.layers, config.attention)
+        self.network = sequence_network(config)
         updates = config.updates_per_interval * config.intervals
         schedule = optax.cosine_decay_schedule(config.learning_rate, updates, config.final_learning_rate_share)
         self.optimizer = optax.adam(schedule)
@@ -108,13 +108,7 @@ class Reinforce:
 
     def play(self, params: Any, scenes: Scene, key: Array, *, greedy: bool) -> PickupStep:
         """Rolls the policy out, sampling objects or taking the most probable ones."""
-
-        def choose(state: PickupState, key: Array) -> Array:
-            logits = self._logits(params, scenes, state)
-            # Where nothing remains all logits are minus infinity, and any choice will do.
-            logits = jnp.where(jnp.any(state.remaining, axis=-1, keepdims=True), logits, 0.0)
-            return jnp.argmax(logits, axis=-1) if greedy else jax.random.categorical(key, logits, axis=-1)
-
+        choose = choose_learned(self.network, params, scenes, greedy=greedy)
         return rollout(self.robot, scenes, self.base_pose, choose, key, self.world)
 
     def _update(self, state: ReinforceState, _: None) -> tuple[ReinforceState, Metrics]:

@@ -1,6 +1,6 @@
 """The layered learning of the paper: the base-pose policy first, then the grasp sequence with it frozen."""
 
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import jax
 
@@ -12,6 +12,7 @@ from basenet_jax.learning.run_directory import RunDirectory
 from basenet_jax.learning.sac import Sac
 from basenet_jax.learning.training_loop import run_intervals
 from basenet_jax.policies.base_pose import BasePosePolicy
+from basenet_jax.policies.trained import Weights
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.reading import load_robot
 from basenet_jax.weights_file import load_weights, save_weights
@@ -20,13 +21,6 @@ Layer = Literal["base-pose", "sequence", "all"]
 
 BASE_POSE_WEIGHTS = "base_pose.weights"
 WEIGHTS = "basenet.weights"
-
-
-class Weights(NamedTuple):
-    """Both trained layers."""
-
-    base_pose: BasePosePolicy
-    sequence: Any
 
 
 class Training:

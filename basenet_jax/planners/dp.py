@@ -7,7 +7,7 @@ from jax import Array
 from basenet_jax.config import NavigationConfig
 from basenet_jax.planners.candidates import Candidates, check_candidates
 from basenet_jax.planners.exact_sequence import best_sequence
-from basenet_jax.planners.protocol import PlannerSetup, PlanningError, assemble_plan
+from basenet_jax.planners.protocol import PlannerSetup, PlanningError
 from basenet_jax.planners.stop_problem import stop_problem
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.plan import Plan
@@ -59,6 +59,5 @@ def plan_exactly(
     """
     problem = stop_problem(robot, scene, candidates, config)
     if not len(problem.slots):
-        return assemble_plan(scene, problem.slots, np.zeros((0, 3), np.float32), problem.reason)
-    order, stops = jax.device_get(_best_sequence(problem.pick_time, problem.first_drive, problem.drive))
-    return assemble_plan(scene, problem.slots[order], problem.poses[stops], problem.reason)
+        return problem.plan_nothing(scene)
+    return problem.plan(scene, *jax.device_get(_best_sequence(*problem.costs)))

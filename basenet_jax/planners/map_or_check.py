@@ -6,7 +6,7 @@ from jax import Array
 from jaxtyping import Int
 
 from basenet_jax.planners.candidates import Candidates, check_candidates
-from basenet_jax.planners.map_store import MapStore, cache_folder
+from basenet_jax.planners.map_store import MapStore, map_folder
 from basenet_jax.planners.protocol import PlannerSetup
 from basenet_jax.planners.reachability import map_candidates
 from basenet_jax.task.picking import Reason
@@ -25,7 +25,7 @@ class CandidateSource:
         """
         self._robot, self._world = setup.robot, setup.world
         self._base_pose = jax.device_put(setup.grid_poses)
-        self._maps = None if checked else MapStore(setup.robot, setup.grid, setup.world.pick, cache_folder())
+        self._maps = None if checked else MapStore(setup.robot, setup.grid, setup.world.pick, map_folder())
 
     def __call__(self, scene: Scene) -> Candidates:
         """The candidates of an unbatched scene; there are none at all where no grid pose is clear of the table."""

@@ -1,6 +1,5 @@
 """Reachability maps by grasp height, made once and kept: in memory, and in the user's cache folder."""
 
-import os
 import re
 import warnings
 from collections.abc import Iterable
@@ -11,6 +10,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float
 
+from basenet_jax.compilation import cache_folder
 from basenet_jax.config import GridConfig, PickConfig
 from basenet_jax.planners.map_file import load_map, save_map
 from basenet_jax.planners.reachability import ReachabilityMap, build_map, map_shape
@@ -21,12 +21,10 @@ from basenet_jax.world.scene import Scene
 HEIGHT_STEP = 1e-4
 
 
-def cache_folder() -> Path | None:
-    """Where maps are kept on disk, beside compiled programs; None where `BASENET_JAX_CACHE` is `off`."""
-    if os.environ.get("BASENET_JAX_CACHE") == "off":
-        return None
-    root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return root / "basenet_jax" / "reachability"
+def map_folder() -> Path | None:
+    """Where maps are kept on disk, beside compiled programs; None where nothing is kept."""
+    folder = cache_folder()
+    return None if folder is None else folder / "reachability"
 
 
 class MapStore:

@@ -14,7 +14,7 @@ from basenet_jax.config import AlignedConfig, RefinementConfig, WorldConfig
 from basenet_jax.planners.aligned_stops import aligned_poses
 from basenet_jax.planners.candidates import Candidates, check_candidates, join
 from basenet_jax.planners.exact_sequence import best_sequence
-from basenet_jax.planners.protocol import PlannerSetup, assemble_plan
+from basenet_jax.planners.protocol import PlannerSetup
 from basenet_jax.planners.refinement import alternatives, reassign, refine
 from basenet_jax.planners.route import Route, as_plan, as_route, reason_by_slot
 from basenet_jax.planners.stop_problem import stop_problem
@@ -26,7 +26,6 @@ from basenet_jax.world.scene import Scene
 EXACT_OBJECTS = 11  # more are searched: exact planning takes 30 ms here and doubles with every further object
 SEARCH_ITERATIONS = 2000  # 50 ms at 12 objects, 150 ms at 30; more gain less than 0.1 %
 PAIRS_AT_ONCE = 1536  # of stop and object: all those of ten objects and the aligned stops in reach
-
 
 _best_sequence = jax.jit(best_sequence)
 
@@ -77,8 +76,9 @@ class Refined:
             search_key, refine_key, pool_key = jax.random.split(jax.random.fold_in(key, attempt), 3)
             start = self._propose(scene, pool, search_key)
             for plan in (start, self._refine(scene, start, refine_key)):
-                if self._value(scene, plan) > value:
-                    best, value = plan, self._value(scene, plan)
+                worth = self._worth(scene, plan)
+                if worth > value:
+                    best, value = plan, worth
             assert best is not None  # every plan is worth more than none
             yield best
             if not np.any(best.served):
@@ -90,14 +90,11 @@ class Refined:
     def _propose(self, scene: Scene, pool: Candidates, key: Array) -> Plan:
         """The best plan on a pool of stops, or for many objects a very good one."""
         problem = stop_problem(self._setup.robot, scene, pool, self._setup.world.navigation)
-        costs = (problem.pick_time, problem.first_drive, problem.drive)
         if not len(problem.slots):
-            return assemble_plan(scene, problem.slots, np.zeros((0, 3), np.float32), problem.reason)
+            return problem.plan_nothing(scene)
         if len(problem.slots) <= EXACT_OBJECTS:
-            order, stops = jax.device_get(_best_sequence(*costs))
-        else:
-            order, stops = plan_steps(search_stops(*costs, key, iterations=SEARCH_ITERATIONS))
-        return assemble_plan(scene, problem.slots[order], problem.poses[stops], problem.reason)
+            return problem.plan(scene, *jax.device_get(_best_sequence(*problem.costs)))
+        return problem.plan(scene, *plan_steps(search_stops(*problem.costs, key, iterations=SEARCH_ITERATIONS)))
 
     def _check(self, scene: Scene, poses: Float[Array, "K 3"]) -> Candidates:
         return check_candidates(self._setup.robot, scene, poses, self._setup.world, pairs_at_once=PAIRS_AT_ONCE)
@@ -109,7 +106,7 @@ class Refined:
         route = _refine(setup.robot, scene, as_route(plan), key, config, setup.world)
         return as_plan(scene, route, reason_by_slot(plan))
 
-    def _value(self, scene: Scene, plan: Plan) -> tuple[int, float]:
+    def _worth(self, scene: Scene, plan: Plan) -> tuple[int, float]:
         """What a plan is worth to the judge: objects grasped, then time saved."""
         outcome = jax.device_get(_execute(self._setup.robot, scene, plan, self._setup.world))
         return int(outcome.grasped), -float(outcome.execution)

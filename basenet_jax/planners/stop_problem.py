@@ -9,9 +9,11 @@ from jaxtyping import Float, Int
 
 from basenet_jax.config import NavigationConfig
 from basenet_jax.planners.candidates import Candidates
+from basenet_jax.planners.protocol import assemble_plan
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.navigation import navigation_time
 from basenet_jax.task.picking import Reason
+from basenet_jax.task.plan import Plan
 from basenet_jax.world.scene import Scene, Table
 
 _BUCKET = 256  # the number of stops is rounded up to a multiple, so that few shapes are compiled
@@ -26,6 +28,26 @@ class StopProblem(NamedTuple):
     poses: Float[np.ndarray, "P 3"]  # (x, y, heading) in W
     slots: Int[np.ndarray, " N"]  # of the objects
     reason: Int[np.ndarray, " M"]  # a `Reason`, by slot: why an object is not among them
+
+    @property
+    def costs(self) -> tuple[Float[Array, "P N"], Float[Array, " P"], Float[Array, "P P"]]:
+        """What planners of sequences take: pick times, first drives, drives between the stops."""
+        return self.pick_time, self.first_drive, self.drive
+
+    def plan(self, scene: Scene, order: Int[np.ndarray, " S"], stops: Int[np.ndarray, " S"]) -> Plan:
+        """The plan of some steps; objects without one come last.
+
+        Args:
+            scene: of the problem.
+            order: which of the N objects each step picks.
+            stops: at which of the P stops.
+        """
+        return assemble_plan(scene, self.slots[order], self.poses[stops], self.reason)
+
+    def plan_nothing(self, scene: Scene) -> Plan:
+        """The plan of no step, where nothing is served."""
+        nothing = np.zeros(0, np.int32)
+        return self.plan(scene, nothing, nothing)
 
 
 def stop_problem(

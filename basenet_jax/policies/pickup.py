@@ -1,6 +1,7 @@
 """The pickup episode: choose an object, park where the base-pose policy says, go on from there."""
 
 from collections.abc import Callable
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -10,6 +11,7 @@ from jaxtyping import Bool, Float, Int
 
 from basenet_jax.config import WorldConfig
 from basenet_jax.policies.base_pose import BasePosePolicy
+from basenet_jax.policies.grasp_sequence import GraspSequencePolicy
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.navigation import navigation_time
 from basenet_jax.task.plan import Plan
@@ -99,6 +101,18 @@ def as_plan(steps: PickupStep) -> Plan:
         served=active,
         reason=jnp.zeros_like(choice),
     )
+
+
+def choose_learned(network: GraspSequencePolicy, params: Any, scene: Scene, *, greedy: bool = True) -> Choose:
+    """What the sequence policy chooses: the most probable object, or one drawn by its probabilities."""
+
+    def choose(state: PickupState, key: Array) -> Array:
+        logits = jnp.asarray(network.apply(params, scene.grasps, state.robot_pose, state.remaining))
+        # Where nothing remains all logits are minus infinity, and any choice will do.
+        logits = jnp.where(jnp.any(state.remaining, axis=-1, keepdims=True), logits, 0.0)
+        return jnp.argmax(logits, axis=-1) if greedy else jax.random.categorical(key, logits, axis=-1)
+
+    return choose
 
 
 def choose_nearest(scene: Scene) -> Choose:

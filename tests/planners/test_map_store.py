@@ -8,7 +8,7 @@ import pytest
 from basenet_jax.config import GridConfig, PickConfig
 from basenet_jax.planners import map_store
 from basenet_jax.planners.map_file import load_map, save_map
-from basenet_jax.planners.map_store import HEIGHT_STEP, MapStore, cache_folder
+from basenet_jax.planners.map_store import HEIGHT_STEP, MapStore, map_folder
 from basenet_jax.planners.reachability import build_map
 from basenet_jax.weights_file import save_weights
 
@@ -158,11 +158,11 @@ def test_heights_are_rounded(robot, scene):
 
 def test_the_folder_is_the_users_cache(monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    assert cache_folder() == tmp_path / "basenet_jax" / "reachability"
+    assert map_folder() == tmp_path / "basenet_jax" / "reachability"
     monkeypatch.setenv("BASENET_JAX_CACHE", "off")
-    assert cache_folder() is None
+    assert map_folder() is None
     monkeypatch.delenv("BASENET_JAX_CACHE")
     monkeypatch.delenv("XDG_CACHE_HOME")
     monkeypatch.setenv("HOME", str(tmp_path / "ann"))
     monkeypatch.setenv("USERPROFILE", str(tmp_path / "ann"))
-    assert cache_folder() == tmp_path / "ann" / ".cache" / "basenet_jax" / "reachability"
+    assert map_folder() == tmp_path / "ann" / ".cache" / "basenet_jax" / "reachability"
