@@ -11,10 +11,10 @@ if TYPE_CHECKING:
     from basenet_jax.api import make_plan as make_plan
     from basenet_jax.api import plot_plan as plot_plan
     from basenet_jax.api import sample_scene as sample_scene
-    from basenet_jax.config import TrainConfig as TrainConfig
     from basenet_jax.config import WorldConfig as WorldConfig
-    from basenet_jax.config import make_preset as make_preset
     from basenet_jax.learning.base_pose_env import BasePoseEnv as BasePoseEnv
+    from basenet_jax.learning.config import TrainConfig as TrainConfig
+    from basenet_jax.learning.config import make_preset as make_preset
     from basenet_jax.planners.protocol import PlanningError as PlanningError
     from basenet_jax.robot.ik import solve_ik as solve_ik
     from basenet_jax.robot.kinematics import forward_kinematics as forward_kinematics
@@ -49,7 +49,7 @@ _MODULES = {
     "Scene": "world.scene",
     "SceneFileError": "world.scene_file",
     "Table": "world.scene",
-    "TrainConfig": "config",
+    "TrainConfig": "learning.config",
     "WorldConfig": "config",
     "draw_scene": "world.generate",
     "execute": "api",
@@ -59,7 +59,7 @@ _MODULES = {
     "load_robot": "robot.reading",
     "load_scene": "world.scene_file",
     "make_plan": "api",
-    "make_preset": "config",
+    "make_preset": "learning.config",
     "navigation_time": "task.navigation",
     "pick": "task.picking",
     "plot_plan": "api",

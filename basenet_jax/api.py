@@ -56,21 +56,23 @@ def make_plan(
     planner: str = "basenet",
     weights: str | os.PathLike[str] | None = None,
     budget_s: float = 0.0,
+    samples: int = 256,
     key: Array | None = None,
 ) -> Plan:
     """Plans one scene: where the robot parks, and in which order it picks.
 
     Args:
         scene: unbatched.
-        planner: pbg, pbg-gc, mbp, mbp-gc, dp, greedy-stops, refined or basenet.
+        planner: pbg, pbg-gc, mbp, mbp-gc, dp, greedy-stops, refined, basenet-paper, basenet or basenet-sample.
         weights: a file of the learned planners' weights; by default those shipped with the package.
         budget_s: how long an anytime planner (refined) goes on for a better plan; its first one it always finishes.
+        samples: rollouts that basenet-sample draws and takes the best of.
         key: for planners that draw random numbers; by default `jax.random.key(0)`.
 
     Raises:
         ValueError: there is no such planner, its weights can't be used, or (`PlanningError`) it can't serve the scene.
     """
-    _, made = planner_for(scene, planner, weights, budget_s)
+    _, made = planner_for(scene, planner, weights, budget_s, samples)
     return made(_arrays(scene), jax.random.key(0) if key is None else key)
 
 
@@ -92,21 +94,28 @@ def plot_plan(scene: NamedScene | Scene, plan: Plan) -> "Figure":
 
 
 def planner_for(
-    scene: NamedScene | Scene, name: str, weights: str | os.PathLike[str] | None = None, budget_s: float = 0.0
+    scene: NamedScene | Scene,
+    name: str,
+    weights: str | os.PathLike[str] | None = None,
+    budget_s: float = 0.0,
+    samples: int = 256,
 ) -> tuple[PlannerSetup, Planner]:
     """A planner for a scene's robot and table, and what it was made for; made once and kept.
 
     Raises:
-        ValueError: there is no such planner, its weights can't be used, or the budget is negative or not finite.
+        ValueError: there is no such planner, its weights can't be used, the budget is negative or not finite, or
+            there is no sample.
     """
     if not 0 <= budget_s < math.inf:
         raise ValueError(f"budget: found {budget_s}, allowed are 0 and more seconds")
+    if samples < 1:
+        raise ValueError(f"samples: found {samples}, allowed are 1 and more")
     table = jax.device_get(_arrays(scene).table)
     path = None if weights is None else Path(weights)
     # A file that was written anew is another one.
     version = path.stat().st_mtime_ns if path is not None and path.exists() else None
     sides = (float(table.half_size[0]), float(table.half_size[1]))
-    return _planner(name, _robot_name(scene), sides, float(table.height), budget_s, path, version)
+    return _planner(name, _robot_name(scene), sides, float(table.height), budget_s, samples, path, version)
 
 
 @functools.lru_cache(maxsize=16)
@@ -116,12 +125,13 @@ def _planner(
     half_size: tuple[float, float],
     height: float,
     budget_s: float,
+    samples: int,
     weights: Path | None,
     version: int | None,
 ) -> tuple[PlannerSetup, Planner]:
     del version
     table = Table(half_size=jnp.array(half_size), height=jnp.array(height))
-    setup = PlannerSetup(_robot(robot), table, weights=weights, budget_s=budget_s)
+    setup = PlannerSetup(_robot(robot), table, weights=weights, samples=samples, budget_s=budget_s)
     return setup, registry.make_planner(name, setup)
 
 

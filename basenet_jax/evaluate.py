@@ -33,6 +33,10 @@ class Arguments:
     """Warm calls per scene and planner; P is their median."""
     weights: Path | None = None
     """Weights file of the learned planners. Default: the one shipped with the package."""
+    budget: float = 0.0
+    """Seconds that an anytime planner (refined) goes on for a better plan; its first one it always finishes."""
+    samples: int = 256
+    """Rollouts that basenet-sample draws and takes the best of."""
 
 
 def main(arguments: list[str] | None = None) -> int:

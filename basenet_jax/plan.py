@@ -32,11 +32,13 @@ class Arguments:
     out: Path | None = None
     """Where to write the plan, as JSON (m, rad, s). Default: it is only printed."""
     planner: str = "basenet"
-    """pbg, pbg-gc, mbp, mbp-gc, dp, greedy-stops, refined or basenet."""
+    """pbg, pbg-gc, mbp, mbp-gc, dp, greedy-stops, refined, basenet-paper, basenet or basenet-sample."""
     weights: Path | None = None
     """Of the learned planners, as training writes them; the others need none. Default: the packaged ones."""
     budget: float = 0.0
     """Seconds that an anytime planner (refined) goes on for a better plan; its first one it always finishes."""
+    samples: int = 256
+    """Rollouts that basenet-sample draws and takes the best of."""
     picture: Path | None = None
     """Where to draw the plan: a name ending in .png, .pdf or .svg."""
     explain: bool = False
@@ -74,7 +76,7 @@ def _plan(options: Arguments) -> int:
         if options.picture:
             check_output_file("--picture", options.picture, (".png", ".pdf", ".svg"))
         scene = load_scene(options.scene)
-        setup, planner = planner_for(scene, options.planner, options.weights, options.budget)
+        setup, planner = planner_for(scene, options.planner, options.weights, options.budget, options.samples)
     except ValueError as error:
         return _fail(2, str(error))
     try:

@@ -1,4 +1,4 @@
-"""Trains both layers and says what they are worth: `python -m basenet_jax.train --objects 10`."""
+"""Trains all layers and says what they are worth: `python -m basenet_jax.train --objects 10`."""
 
 import sys
 from dataclasses import dataclass
@@ -10,9 +10,10 @@ import tyro
 
 @dataclass(frozen=True)
 class Arguments:
-    """Trains the base-pose policy, then the grasp-sequence policy, then evaluates both.
+    """Trains the paper's two layers, base-pose policy and grasp-sequence policy, then the stop policy, and evaluates.
 
-    Times are in seconds. On two CPU cores the quick preset takes about 5 minutes, the default one about 40. An
+    Planner basenet-paper uses the first two, basenet and basenet-sample the third, which needs no other layer. Times
+    are in seconds. On two CPU cores the quick preset takes about 5 minutes, the default one about 40. An
     interrupted run (Ctrl-C, or a kill at any moment) is continued with --run-dir DIR --resume and ends with the very
     weights of an uninterrupted one.
     """
@@ -27,7 +28,7 @@ class Arguments:
     """Where to write. Default: runs/PRESET-SEED-TIME."""
     resume: bool = False
     """Continue the run in --run-dir."""
-    layer: Literal["base-pose", "sequence", "all"] = "all"
+    layer: Literal["base-pose", "sequence", "stops", "all"] = "all"
     """What to train; sequence needs the base-pose weights of the run directory."""
 
 
@@ -44,9 +45,9 @@ def main(arguments: list[str] | None = None) -> int:
 def _train(options: Arguments) -> int:
     # Here and not above: JAX, Brax and MuJoCo take seconds to import, which --help needn't wait for.
     from basenet_jax.compilation import enable_cache
-    from basenet_jax.config import make_preset
     from basenet_jax.evaluation.summary import print_summary, summarise
     from basenet_jax.learning.checkpoint import CheckpointError
+    from basenet_jax.learning.config import make_preset
     from basenet_jax.learning.progress import make_reporter
     from basenet_jax.learning.run_directory import RunDirectory, default_path
     from basenet_jax.learning.training import Training

@@ -14,8 +14,8 @@ import jax
 import numpy as np
 from rich.table import Table
 
-from basenet_jax.config import TrainConfig
 from basenet_jax.evaluation.orders import EVALUATION_SEED, OrderResult, compare_orders
+from basenet_jax.learning.config import TrainConfig
 from basenet_jax.learning.training import Training
 from benchmarks.harness import Options, Report, parse
 from benchmarks.paired import CONFIDENCE, paired_difference

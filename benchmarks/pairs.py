@@ -7,7 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from basenet_jax.config import SacConfig, WorldConfig
+from basenet_jax.config import WorldConfig
+from basenet_jax.learning.config import SacConfig
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.picking import Reason, pick
 from basenet_jax.world.generate import draw_problem

@@ -12,7 +12,8 @@ from typing import Any
 import jax
 import numpy as np
 
-from basenet_jax.config import SacConfig, WorldConfig
+from basenet_jax.config import WorldConfig
+from basenet_jax.learning.config import SacConfig
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.reading import load_robot
 from basenet_jax.task.picking import Pick, pick

@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from basenet_jax.config import ReinforceConfig, SacConfig, TrainConfig
+from basenet_jax.learning.config import ReinforceConfig, SacConfig, TrainConfig
 from basenet_jax.learning.reinforce import Reinforce, ReinforceState
 from basenet_jax.learning.sac import Sac, SacState
 from basenet_jax.learning.training import Training

@@ -6,16 +6,16 @@ from typing import Any, NamedTuple
 import jax
 from jax import Array
 
-from basenet_jax.config import TrainConfig, make_preset
+from basenet_jax.learning.config import TrainConfig, make_preset
 from basenet_jax.learning.training import Training
 from basenet_jax.policies.base_pose import BasePosePolicy
-from basenet_jax.policies.trained import Weights
+from basenet_jax.policies.trained import Weights, untrained_stops
 from basenet_jax.weights_file import load_weights
 from benchmarks.environment import fingerprint
 
 
 class Trained(NamedTuple):
-    """Both layers, the training they are of, and what identifies them in results."""
+    """All layers, the training they are of, and what identifies them in results."""
 
     training: Training
     weights: Weights
@@ -23,7 +23,7 @@ class Trained(NamedTuple):
 
 
 def load_basenet(path: Path) -> Trained:
-    """Reads both layers from a run's `weights/basenet.weights`.
+    """Reads all layers from a run's `weights/basenet.weights`.
 
     Raises:
         ValueError: the file is missing, damaged or of other networks than the package's presets.
@@ -57,6 +57,6 @@ def load_base_pose(path: Path | None, training: Training, key: Array) -> tuple[B
 def _fresh(training: Training):
     def fresh(key: Array) -> Weights:
         base_pose = training.sac.policy(training.sac.init(key))
-        return Weights(base_pose, training.reinforce(base_pose).init(key).params)
+        return Weights(base_pose, training.reinforce(base_pose).init(key).params, untrained_stops())
 
     return fresh

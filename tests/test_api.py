@@ -137,6 +137,11 @@ def test_a_budget_that_is_none_is_refused(scene, budget):
         bn.make_plan(scene, planner="refined", budget_s=budget)
 
 
+def test_a_number_of_samples_that_is_none_is_refused(scene):
+    with pytest.raises(ValueError, match="samples: found 0"):
+        bn.make_plan(scene, planner="basenet-sample", samples=0)
+
+
 def test_the_budget_reaches_the_planner(asked, scene):
-    bn.make_plan(scene, planner="refined", budget_s=1.5)
-    assert asked[-1][1].budget_s == 1.5
+    bn.make_plan(scene, planner="refined", budget_s=1.5, samples=7)
+    assert (asked[-1][1].budget_s, asked[-1][1].samples) == (1.5, 7)

@@ -78,9 +78,9 @@ def test_a_training_leaves_what_it_should(finished):
         assert (run / name).exists(), name
     summary = json.loads((run / "summary.json").read_text())
     assert 0.0 <= summary["single_pick_success"] <= 1.0
-    assert set(summary["orders"]["2"]) == {"learned", "nearest", "random"}
+    assert set(summary["plans"]["2"]) == {"basenet", "basenet-paper", "nearest", "random"}
     layers = [(record["layer"], record["interval"]) for record in records_of(run)]
-    assert layers == [("base-pose", i) for i in range(1, 5)] + [("sequence", i) for i in range(1, 5)]
+    assert layers == [(layer, i) for layer in ("base-pose", "sequence", "stops") for i in range(1, 5)]
     assert "single-pick success" in done.stdout
     assert "warp" not in done.stdout, "chatter of an import"
     assert "base-pose: 4/4" in done.stderr
@@ -102,11 +102,11 @@ def test_resuming_with_other_settings_is_refused_by_name(capsys, finished):
     assert "reinforce.objects" in err
 
 
-def test_a_run_killed_twice_and_resumed_ends_bit_for_bit_the_same(finished, tmp_path):
+def test_a_run_killed_in_every_layer_and_resumed_ends_bit_for_bit_the_same(finished, tmp_path):
     reference, _ = finished
     run = tmp_path / "killed"
     command = [sys.executable, "-m", "tests.tiny_training", *SIZES, "--run-dir", str(run)]
-    for layer, interval in (("base-pose", 2), ("sequence", 1)):
+    for layer, interval in (("base-pose", 2), ("sequence", 1), ("stops", 1)):
         process = subprocess.Popen(
             [*command, "--resume"] if run.exists() else command, cwd=ROOT, stderr=subprocess.DEVNULL
         )
@@ -135,15 +135,17 @@ def test_a_loss_that_is_no_number_stops_the_training_and_is_named(capsys, monkey
     assert "critic_loss is nan" in err
 
 
-def test_a_base_pose_layer_can_be_trained_alone_and_the_sequence_later(capsys, tmp_path, finished):
+def test_layers_can_be_trained_one_by_one(capsys, tmp_path, finished):
     reference, _ = finished
     run = tmp_path / "layered"
-    code, out, _ = call(capsys, *SIZES, "--run-dir", str(run), "--layer", "base-pose")
-    assert code == 0
-    assert "single-pick success" in out
-    assert set(weights_of(run)) == {"base_pose.weights"}
-    code, _, err = call(capsys, *SIZES, "--run-dir", str(run), "--layer", "sequence", "--resume")
-    assert code == 0, err
+    left = set()
+    for layer, name in (("stops", "stops"), ("base-pose", "base_pose"), ("sequence", "sequence")):
+        more = ["--resume"] if left else []
+        code, out, err = call(capsys, *SIZES, "--run-dir", str(run), "--layer", layer, *more)
+        assert code == 0, err
+        assert ("single-pick success" in out) == (layer != "stops")
+        left |= {f"{name}.weights"} | ({"basenet.weights"} if layer == "sequence" else set())
+        assert set(weights_of(run)) == left
     assert weights_of(run) == weights_of(reference)
 
 

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import jax
 
-from basenet_jax import config, train
-from basenet_jax.config import ReinforceConfig, SacConfig, TrainConfig
+from basenet_jax import train
+from basenet_jax.learning import config
+from basenet_jax.learning.config import ReinforceConfig, SacConfig, StopLearningConfig, TrainConfig
 
 CACHE = Path(__file__).parents[1] / ".jax_cache"
 
@@ -32,8 +33,29 @@ def tiny_preset(preset, *, objects, seed):
         test_episodes=16,
         evaluation_scenes=8,
     )
+    stops = StopLearningConfig(
+        objects=objects,
+        features=8,
+        layers=1,
+        library_objects=32,
+        examples=16,
+        search_iterations=10,
+        imitation_intervals=2,
+        imitations_per_update=8,
+        problems_per_update=4,
+        samples=2,
+        updates_per_interval=2,
+        intervals=4,
+        evaluation_problems=8,
+    )
     return TrainConfig(
-        preset=preset, seed=seed, sac=sac, reinforce=reinforce, evaluation_objects=(2,), evaluation_scenes=4
+        preset=preset,
+        seed=seed,
+        sac=sac,
+        reinforce=reinforce,
+        stops=stops,
+        evaluation_objects=(2,),
+        evaluation_scenes=4,
     )
 
 

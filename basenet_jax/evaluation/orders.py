@@ -9,6 +9,7 @@ import numpy as np
 from jax import Array
 
 from basenet_jax.config import WorldConfig
+from basenet_jax.planners.protocol import Planner
 from basenet_jax.policies.base_pose import BasePosePolicy
 from basenet_jax.policies.grasp_sequence import GraspSequencePolicy
 from basenet_jax.policies.pickup import Choose, as_plan, choose_learned, choose_nearest, choose_random, rollout
@@ -72,6 +73,32 @@ def compare_orders(
         )
         results[name] = _result(play(), objects)
     return results
+
+
+def judge_planner(
+    planner: Planner,
+    robot: Robot,
+    *,
+    objects: int,
+    scenes: int,
+    world: WorldConfig = WorldConfig(),
+    seed: int = EVALUATION_SEED,
+) -> OrderResult:
+    """Executes a planner's plans for the scenes of `compare_orders`.
+
+    Args:
+        planner: plans scene after scene.
+        robot: the robot.
+        objects: in each scene.
+        scenes: their number.
+        world: table, navigation, pick cycle.
+        seed: of the scenes and of the planner.
+    """
+    scene_key, plan_key = jax.random.split(jax.random.key(seed))
+    batch = random_scenes(scene_key, objects, scenes, world)
+    plans = [planner(jax.tree.map(lambda x, i=i: x[i], batch), plan_key) for i in range(scenes)]
+    plan = jax.tree.map(lambda *leaves: jnp.stack(leaves), *plans)
+    return _result(jax.jit(execute, static_argnames="config")(robot, batch, plan, world), objects)
 
 
 def random_scenes(key: Array, objects: int, count: int, world: WorldConfig = WorldConfig()) -> Scene:

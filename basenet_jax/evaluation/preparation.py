@@ -1,5 +1,6 @@
 """From what a user asks for to planners and scenes, with every wrong wish refused before any work."""
 
+import math
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,6 +30,8 @@ class Request:
     seed: int
     repeats: int
     weights: Path | None
+    budget: float = 0.0
+    samples: int = 256
 
 
 def prepare(request: Request, arguments: list[str]) -> tuple[Planners, list[SceneSet], dict[str, Any]]:
@@ -63,11 +66,19 @@ def prepare(request: Request, arguments: list[str]) -> tuple[Planners, list[Scen
 
 def _scenes(request: Request) -> tuple[PlannerSetup, list[SceneSet], str]:
     """The planners' setup, the scenes, and in words where they come from."""
+    options: dict[str, Any] = {
+        "weights": request.weights,
+        "samples": request.samples,
+        "budget_s": request.budget,
+    }
     if request.scene_dir is not None:
         robot, sets = load_sets(request.scene_dir)
-        setup = PlannerSetup(robot=jax.device_put(load_robot(robot)), weights=request.weights)
-        return setup, sets, f"{sum(map(len, sets))} files of {request.scene_dir.name}"
-    setup = PlannerSetup(weights=request.weights)
+        return (
+            PlannerSetup(robot=jax.device_put(load_robot(robot)), **options),
+            sets,
+            f"{sum(map(len, sets))} files of {request.scene_dir.name}",
+        )
+    setup = PlannerSetup(**options)
     count, objects = request.scenes or DEFAULT_SCENES, tuple(dict.fromkeys(request.objects or DEFAULT_OBJECTS))
     sets = [random_set(number, count, seed=request.seed, world=setup.world) for number in objects]
     numbers = " / ".join(map(str, objects))
@@ -80,9 +91,12 @@ def _check_numbers(request: Request) -> None:
     for number in request.objects or ():
         if not 1 <= number <= MAX_OBJECTS:
             raise ValueError(f"--objects: found {number}, allowed are 1 to {MAX_OBJECTS}")
-    for name, number in (("scenes", request.scenes), ("repeats", request.repeats)):
+    counts = (("scenes", request.scenes), ("repeats", request.repeats), ("samples", request.samples))
+    for name, number in counts:
         if number is not None and number < 1:
             raise ValueError(f"--{name}: found {number}, allowed are 1 and more")
+    if not 0 <= request.budget < math.inf:
+        raise ValueError(f"--budget: found {request.budget}, allowed are 0 and more seconds")
     if not 0 <= request.seed < 2**32:
         raise ValueError(f"--seed: found {request.seed}, allowed are 0 to {2**32 - 1}")
 

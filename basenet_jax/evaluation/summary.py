@@ -7,59 +7,63 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table as RichTable
 
-from basenet_jax.evaluation.orders import OrderResult, compare_orders
-from basenet_jax.learning.training import Training
-from basenet_jax.policies.trained import Weights
+from basenet_jax.evaluation.orders import OrderResult, compare_orders, judge_planner
+from basenet_jax.learning.stop_learning import stop_network
+from basenet_jax.learning.training import Trained, Training
+from basenet_jax.planners.basenet import BaSeNet
+from basenet_jax.planners.protocol import PlannerSetup
+from basenet_jax.world.scene import Table
+
+_LABELS = {order: f"base poses of basenet-paper, {order} order" for order in ("nearest", "random")}
 
 
-def summarise(training: Training, weights: Weights) -> dict[str, Any]:
-    """Evaluates trained weights; the content of `summary.json`. Times in seconds, shares from 0 to 1."""
+def summarise(training: Training, trained: Trained) -> dict[str, Any]:
+    """Evaluates trained layers; the content of `summary.json`. Times in seconds, shares from 0 to 1."""
     config = training.config
-    single = jax.jit(training.sac.evaluate)(weights.base_pose, jax.random.key(config.sac.evaluation_seed))
-    summary: dict[str, Any] = {
-        "preset": config.preset,
-        "seed": config.seed,
-        "objects": config.reinforce.objects,
-        "single_pick_success": float(single["success"]),
-        "single_pick": {name: float(value) for name, value in single.items()},
-    }
-    if weights.sequence is not None:
-        network = training.reinforce(weights.base_pose).network
+    summary: dict[str, Any] = {"preset": config.preset, "seed": config.seed, "objects": config.reinforce.objects}
+    if trained.base_pose is not None:
+        single = jax.jit(training.sac.evaluate)(trained.base_pose, jax.random.key(config.sac.evaluation_seed))
+        summary["single_pick_success"] = float(single["success"])
+        summary["single_pick"] = {name: float(value) for name, value in single.items()}
+    if trained.sequence is not None or trained.stops is not None:
         summary["scenes"] = config.evaluation_scenes
-        summary["orders"] = {
-            str(objects): {
-                order: _figures(result)
-                for order, result in compare_orders(
-                    training.robot,
-                    weights.base_pose,
-                    network,
-                    weights.sequence,
-                    objects=objects,
-                    scenes=config.evaluation_scenes,
-                    world=config.world,
-                ).items()
-            }
-            for objects in config.evaluation_objects
-        }
+        summary["plans"] = {str(objects): _plans(training, trained, objects) for objects in config.evaluation_objects}
     return summary
 
 
 def print_summary(summary: dict[str, Any]) -> None:
     """Prints a summary as tables on stdout."""
     console = Console()
-    console.print(f"single-pick success: {100 * summary['single_pick_success']:.2f} %")
-    if "orders" not in summary:
+    if "single_pick_success" in summary:
+        console.print(f"single-pick success: {100 * summary['single_pick_success']:.2f} %")
+    if "plans" not in summary:
         return
-    table = RichTable(title=f"{summary['scenes']} random scenes, base poses of the learned policy (mean ± sd)")
-    for column in ("objects", "order", "grasped %", "N (s)", "G (s)", "N + G (s)"):
-        table.add_column(column, justify="left" if column == "order" else "right")
-    for objects, orders in summary["orders"].items():
-        for order, figures in orders.items():
-            times = (figures[name] for name in ("navigation_s", "grasping_s", "execution_s"))
+    table = RichTable(title=f"{summary['scenes']} random scenes (mean ± sd)")
+    for column in ("objects", "plans by", "grasped %", "N (s)", "G (s)", "N + G (s)"):
+        table.add_column(column, justify="left" if column == "plans by" else "right")
+    for objects, plans in summary["plans"].items():
+        for name, figures in plans.items():
+            times = (figures[quantity] for quantity in ("navigation_s", "grasping_s", "execution_s"))
             cells = (f"{time['mean']:.1f} ± {time['sd']:.1f}" for time in times)
-            table.add_row(objects, order, f"{100 * figures['grasped']['mean']:.1f}", *cells)
+            table.add_row(objects, _LABELS.get(name, name), f"{100 * figures['grasped']['mean']:.1f}", *cells)
         table.add_section()
     console.print(table)
+
+
+def _plans(training: Training, trained: Trained, objects: int) -> dict[str, dict[str, dict[str, float]]]:
+    """Figures of the planners whose layers are trained, and of simpler orders beside the paper's."""
+    config = training.config
+    which: dict[str, Any] = {"objects": objects, "scenes": config.evaluation_scenes, "world": config.world}
+    results: dict[str, OrderResult] = {}
+    if trained.stops is not None:
+        setup = PlannerSetup(training.robot, Table.from_config(config.world.table), config.world)
+        planner = BaSeNet(setup, policy=stop_network(config.stops), params=trained.stops)
+        results["basenet"] = judge_planner(planner, training.robot, **which)
+    if trained.sequence is not None and trained.base_pose is not None:
+        network = training.reinforce(trained.base_pose).network
+        orders = compare_orders(training.robot, trained.base_pose, network, trained.sequence, **which)
+        results |= {"basenet-paper": orders.pop("learned")} | orders
+    return {name: _figures(result) for name, result in results.items()}
 
 
 def _figures(result: OrderResult) -> dict[str, dict[str, float]]:

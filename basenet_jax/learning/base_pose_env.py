@@ -7,8 +7,9 @@ from flax import struct
 from jax import Array
 from jaxtyping import Bool, Float
 
-from basenet_jax.config import BasePoseRewardConfig, WorldConfig
+from basenet_jax.config import WorldConfig
 from basenet_jax.learning._brax import Env, State
+from basenet_jax.learning.config import BasePoseRewardConfig
 from basenet_jax.policies.base_pose import ACTION_SIZE, OBSERVATION_SIZE, BaseFrame, base_pose_from_action, observe
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.navigation import navigation_time

@@ -14,10 +14,11 @@ import optax
 from flax import struct
 from jax import Array
 
-from basenet_jax.config import ReinforceConfig, WorldConfig
+from basenet_jax.config import WorldConfig
+from basenet_jax.learning.config import ReinforceConfig
 from basenet_jax.policies.base_pose import BasePosePolicy
+from basenet_jax.policies.grasp_sequence import GraspSequencePolicy
 from basenet_jax.policies.pickup import PickupState, PickupStep, choose_learned, choose_nearest, episode_cost, rollout
-from basenet_jax.policies.trained import sequence_network
 from basenet_jax.robot.model import Robot
 from basenet_jax.world.generate import draw_scene
 from basenet_jax.world.scene import Scene, Table
@@ -36,6 +37,11 @@ class ReinforceState:
     key: Array
     update: Array
     swaps: Array
+
+
+def sequence_network(config: ReinforceConfig) -> GraspSequencePolicy:
+    """The network of a configuration."""
+    return GraspSequencePolicy(features=config.features, layers=config.layers, attention=config.attention)
 
 
 class Reinforce:

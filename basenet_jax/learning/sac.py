@@ -15,7 +15,6 @@ import optax
 from flax import struct
 from jax import Array
 
-from basenet_jax.config import SacConfig
 from basenet_jax.learning._brax import (
     State,
     Transition,
@@ -27,6 +26,7 @@ from basenet_jax.learning._brax import (
     specs,
 )
 from basenet_jax.learning.base_pose_env import BasePoseEnv
+from basenet_jax.learning.config import SacConfig
 from basenet_jax.policies.base_pose import BasePosePolicy
 
 Metrics = dict[str, Array]

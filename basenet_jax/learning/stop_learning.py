@@ -8,7 +8,6 @@ and Welling, "Buy 4 REINFORCE samples, get a baseline for free!", 2019): no seco
 """
 
 import dataclasses
-from dataclasses import dataclass
 from typing import Any
 
 import jax
@@ -19,6 +18,7 @@ from jax import Array
 from jaxtyping import Float, Int
 
 from basenet_jax.config import AlignedConfig, WorldConfig
+from basenet_jax.learning.config import StopLearningConfig
 from basenet_jax.learning.stop_problems import (
     Draw,
     Library,
@@ -30,36 +30,12 @@ from basenet_jax.learning.stop_problems import (
 )
 from basenet_jax.planners.aligned_stops import aligned_poses
 from basenet_jax.planners.stop_search import MAX_STOPS, search_stops
-from basenet_jax.policies.stop_policy import StopGraph, StopPolicy, StopProblem, stop_graph
+from basenet_jax.policies.stop_policy import StopGraph, StopPolicy, StopScene, stop_graph
 from basenet_jax.policies.stop_rollout import END, choices_gradient, choose_best, choose_randomly, plans_of, play, start
 from basenet_jax.robot.model import Robot
 from basenet_jax.world.scene import Table
 
 Metrics = dict[str, Array]
-
-
-@dataclass(frozen=True)
-class StopLearningConfig:
-    """Imitation, then REINFORCE, of the stop policy."""
-
-    objects: int = 15  # training draws 1 to this many
-    own_class_share: float = 0.25  # of training objects with random size and grasp
-    features: int = 48
-    layers: int = 2
-    library_objects: int = 2_048  # each once more turned by pi
-    examples: int = 8_192  # searched plans to imitate, each also turned by pi
-    search_iterations: int = 60
-    imitation_intervals: int = 30  # the first so many
-    imitations_per_update: int = 128
-    problems_per_update: int = 16
-    samples: int = 8  # episodes of each problem
-    learning_rate: float = 2e-3
-    final_learning_rate_share: float = 0.02  # reached at the last update, on a cosine
-    largest_gradient: float = 1.0  # longer ones are shortened to this norm
-    updates_per_interval: int = 50
-    intervals: int = 36
-    evaluation_problems: int = 256
-    evaluation_seed: int = 1_000_037
 
 
 @struct.dataclass
@@ -74,6 +50,11 @@ class StopLearningState:
     rule_time: Array  # s, of the rule that the policy starts as, in `evaluate`
     key: Array
     update: Array
+
+
+def stop_network(config: StopLearningConfig) -> StopPolicy:
+    """The network of a configuration."""
+    return StopPolicy(features=config.features, layers=config.layers)
 
 
 class StopLearning:
@@ -94,7 +75,7 @@ class StopLearning:
         self.graph = jax.jit(stop_graph, static_argnames="config")(
             robot, self.table, jnp.asarray(poses), world.navigation
         )
-        self.policy = StopPolicy(config.features, config.layers)
+        self.policy = stop_network(config)
         updates = config.updates_per_interval * config.intervals
         schedule = optax.cosine_decay_schedule(config.learning_rate, updates, config.final_learning_rate_share)
         self.optimizer = optax.chain(optax.clip_by_global_norm(config.largest_gradient), optax.adam(schedule))
@@ -220,7 +201,7 @@ def draw_many(key: Array, library: Library, problems: int, slots: int) -> Draw:
     return jax.vmap(lambda key, count: draw_problem(key, library, count, slots))(keys, counts)
 
 
-def searched_stops(graph: StopGraph, problem: StopProblem, key: Array, iterations: int) -> Int[Array, " M"]:
+def searched_stops(graph: StopGraph, problem: StopScene, key: Array, iterations: int) -> Int[Array, " M"]:
     """The stops of a very good plan, in order, then -1.
 
     Args:

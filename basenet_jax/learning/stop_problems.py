@@ -15,7 +15,7 @@ from jaxtyping import Float, Int
 
 from basenet_jax.config import WorldConfig
 from basenet_jax.planners.candidates import check_candidates
-from basenet_jax.policies.stop_policy import StopGraph, StopProblem, access_time
+from basenet_jax.policies.stop_policy import StopGraph, StopScene, access_time
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.navigation import navigation_time
 from basenet_jax.world.generate import draw_scene, footprint_radius
@@ -163,12 +163,12 @@ def turned_draw(draw: Draw, library: Library) -> Draw:
     return Draw(jnp.where(draw.objects < 0, -1, turn(draw.objects)), turn(draw.start))
 
 
-def problem_of(library: Library, draw: Draw) -> StopProblem:
+def problem_of(library: Library, draw: Draw) -> StopScene:
     """The problem of one draw, or of a batch."""
     index = jnp.maximum(draw.objects, 0)
     first_drive, pick_time = library.first_drive[draw.start], jnp.swapaxes(library.pick_time[index], -1, -2)
     served = jnp.any(jnp.isfinite(pick_time) & jnp.isfinite(first_drive)[..., None], axis=-2)
-    return StopProblem(
+    return StopScene(
         pick_time=pick_time,
         access=jnp.swapaxes(library.access[index], -1, -2),
         first_drive=first_drive,

@@ -1,26 +1,36 @@
-"""The layered learning of the paper: the base-pose policy first, then the grasp sequence with it frozen."""
+"""One whole training: the paper's two layers, then the policy over candidate stops."""
 
-from typing import Any, Literal
+from collections.abc import Callable, Sequence
+from typing import Any, Literal, NamedTuple
 
 import jax
 
-from basenet_jax.config import TrainConfig
 from basenet_jax.learning.base_pose_env import BasePoseEnv
+from basenet_jax.learning.config import TrainConfig
 from basenet_jax.learning.progress import Reporter
-from basenet_jax.learning.reinforce import Reinforce
+from basenet_jax.learning.reinforce import Reinforce, sequence_network
 from basenet_jax.learning.run_directory import RunDirectory
 from basenet_jax.learning.sac import Sac
+from basenet_jax.learning.stop_learning import StopLearning, stop_network
 from basenet_jax.learning.training_loop import run_intervals
 from basenet_jax.policies.base_pose import BasePosePolicy
-from basenet_jax.policies.trained import Weights
+from basenet_jax.policies.trained import Weights, untrained_sequence, untrained_stops
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.reading import load_robot
 from basenet_jax.weights_file import load_weights, save_weights
 
-Layer = Literal["base-pose", "sequence", "all"]
+Layer = Literal["base-pose", "sequence", "stops", "all"]
 
-BASE_POSE_WEIGHTS = "base_pose.weights"
-WEIGHTS = "basenet.weights"
+BASE_POSE_WEIGHTS, SEQUENCE_WEIGHTS, STOP_WEIGHTS = "base_pose.weights", "sequence.weights", "stops.weights"
+WEIGHTS = "basenet.weights"  # all of them
+
+
+class Trained(NamedTuple):
+    """The layers trained so far; None for others."""
+
+    base_pose: BasePosePolicy | None
+    sequence: Any
+    stops: Any
 
 
 class Training:
@@ -30,7 +40,7 @@ class Training:
         """Loads the robot; compiles nothing yet."""
         self.config = config
         self.robot: Robot = jax.device_put(load_robot(config.robot))
-        self.base_pose_key, self.sequence_key = jax.random.split(jax.random.key(config.seed))
+        self.base_pose_key, self.sequence_key, self.stops_key = jax.random.split(jax.random.key(config.seed), 3)
         env = BasePoseEnv(
             self.robot,
             frame=config.sac.frame,
@@ -44,64 +54,101 @@ class Training:
         """The sequence learner for a frozen base-pose policy."""
         return Reinforce(self.robot, base_pose, self.config.reinforce, self.config.world)
 
-    def train(self, run: RunDirectory, reporter: Reporter, *, layer: Layer = "all", resume: bool = False) -> Weights:
+    def train(self, run: RunDirectory, reporter: Reporter, *, layer: Layer = "all", resume: bool = False) -> Trained:
         """Trains the layers asked for, and writes their weights into the run directory.
 
-        With `layer="sequence"` the base-pose weights of the run directory are used.
+        With `layer="sequence"` the base-pose weights of the run directory are used. Once all layers are there, alone
+        or together, they are also written as one file for the planners.
+
+        Returns:
+            The layers that were trained now or before.
 
         Raises:
-            ValueError: there are no such weights.
+            ValueError: base-pose weights are needed and there are none.
             CheckpointError, Interrupted, TrainingDiverged: see `run_intervals`.
         """
-        base_pose = self._base_pose(run, reporter, layer, resume)
-        learner = self.reinforce(base_pose)
-        if layer == "base-pose":
-            return Weights(base_pose, None)
-        config = self.config.reinforce
-        state = run_intervals(
-            name="sequence",
-            init=learner.init,
-            interval=jax.jit(learner.interval, donate_argnums=0),
-            intervals=config.intervals,
-            run=run,
-            reporter=reporter,
-            key=self.sequence_key,
-            resume=resume,
-            unit="episodes",
-            work=config.updates_per_interval * config.episodes_per_update,
-            figures=("navigation_time", "nearest_navigation_time", "driven_to"),
+        base_pose = self._kept(run, BASE_POSE_WEIGHTS, self._untrained_base_pose, needed=layer == "sequence")
+        sequence = self._kept(
+            run, SEQUENCE_WEIGHTS, lambda: untrained_sequence(sequence_network(self.config.reinforce))
         )
-        weights = Weights(base_pose, state.params)
-        save_weights(run.weights / WEIGHTS, weights, self._metadata())
-        return weights
+        stops = self._kept(run, STOP_WEIGHTS, lambda: untrained_stops(stop_network(self.config.stops)))
+        if base_pose is None and layer in ("base-pose", "all"):
+            base_pose = self._train_base_pose(run, reporter, resume)
+        if sequence is None and layer in ("sequence", "all"):
+            sequence = self._train_sequence(run, reporter, resume, base_pose)
+        if stops is None and layer in ("stops", "all"):
+            stops = self._train_stops(run, reporter, resume)
+        if base_pose is not None and sequence is not None and stops is not None:
+            save_weights(run.weights / WEIGHTS, Weights(base_pose, sequence, stops), self._metadata())
+        return Trained(base_pose, sequence, stops)
 
-    def _base_pose(self, run: RunDirectory, reporter: Reporter, layer: Layer, resume: bool) -> BasePosePolicy:
-        file = run.weights / BASE_POSE_WEIGHTS
-        if layer == "sequence" or (resume and file.exists()):
-            policy, metadata = load_weights(
-                file, jax.eval_shape(lambda key: self.sac.policy(self.sac.init(key)), jax.random.key(0))
-            )
-            if metadata.get("config") == run.config_hash:
-                return policy
-            if layer == "sequence":
-                raise ValueError(f"{file}: made with another configuration than this run's")
+    def _train_base_pose(self, run: RunDirectory, reporter: Reporter, resume: bool) -> BasePosePolicy:
         config = self.config.sac
-        state = run_intervals(
-            name="base-pose",
-            init=self.sac.init,
-            interval=jax.jit(self.sac.interval, donate_argnums=0),
-            intervals=config.intervals,
-            run=run,
-            reporter=reporter,
-            key=self.base_pose_key,
-            resume=resume,
-            unit="episodes",
+        state = _run(
+            "base-pose",
+            self.sac,
+            self.base_pose_key,
+            run,
+            reporter,
+            resume,
             work=config.iterations_per_interval * config.episodes_per_iteration,
             figures=("success", "collision", "navigation_time", "pick_time"),
         )
-        policy = self.sac.policy(state)
-        save_weights(file, policy, self._metadata() | {"config": run.config_hash})
-        return policy
+        return self._keep(run, BASE_POSE_WEIGHTS, self.sac.policy(state))
+
+    def _train_sequence(
+        self, run: RunDirectory, reporter: Reporter, resume: bool, base_pose: BasePosePolicy | None
+    ) -> Any:
+        assert base_pose is not None  # it was trained before, or is needed and kept
+        config = self.config.reinforce
+        state = _run(
+            "sequence",
+            self.reinforce(base_pose),
+            self.sequence_key,
+            run,
+            reporter,
+            resume,
+            work=config.updates_per_interval * config.episodes_per_update,
+            figures=("navigation_time", "nearest_navigation_time", "driven_to"),
+        )
+        return self._keep(run, SEQUENCE_WEIGHTS, state.params)
+
+    def _train_stops(self, run: RunDirectory, reporter: Reporter, resume: bool) -> Any:
+        config = self.config.stops
+        reporter.note("stops: a library of picks and searched plans comes first")
+        state = _run(
+            "stops",
+            StopLearning(self.robot, config, self.config.world),
+            self.stops_key,
+            run,
+            reporter,
+            resume,
+            unit="examples",
+            work=config.updates_per_interval * config.imitations_per_update,
+            figures=("execution_time", "ratio_to_rule", "loss"),
+        )
+        return self._keep(run, STOP_WEIGHTS, state.params)
+
+    def _untrained_base_pose(self) -> BasePosePolicy:
+        return self.sac.policy(self.sac.init(jax.random.key(0)))
+
+    def _keep(self, run: RunDirectory, name: str, weights: Any) -> Any:
+        save_weights(run.weights / name, weights, self._metadata() | {"config": run.config_hash})
+        return weights
+
+    def _kept(self, run: RunDirectory, name: str, like: Callable[[], Any], *, needed: bool = False) -> Any:
+        """A layer's weights that an earlier training of the run directory left; None if it left none.
+
+        Raises:
+            ValueError: they can't be read, or are needed and missing, or were made with another configuration.
+        """
+        file = run.weights / name
+        if not needed and not file.exists():
+            return None
+        weights, metadata = load_weights(file, jax.eval_shape(like))
+        if metadata.get("config") != run.config_hash:
+            raise ValueError(f"{file}: made with another configuration than this run's")
+        return weights
 
     def _metadata(self) -> dict[str, Any]:
         config = self.config
@@ -111,3 +158,31 @@ class Training:
             "objects": config.reinforce.objects,
             "robot": config.robot,
         }
+
+
+def _run(
+    name: str,
+    learner: Any,
+    key: jax.Array,
+    run: RunDirectory,
+    reporter: Reporter,
+    resume: bool,
+    *,
+    work: float,
+    figures: Sequence[str],
+    unit: str = "episodes",
+) -> Any:
+    """The last state of a learner: it has a `config` with `intervals`, and `init` and `interval` to be jitted."""
+    return run_intervals(
+        name=name,
+        init=learner.init,
+        interval=jax.jit(learner.interval, donate_argnums=0),
+        intervals=learner.config.intervals,
+        run=run,
+        reporter=reporter,
+        key=key,
+        resume=resume,
+        unit=unit,
+        work=work,
+        figures=figures,
+    )

@@ -52,6 +52,7 @@ class PlannerSetup:
     world: WorldConfig = field(default_factory=WorldConfig)
     grid: GridConfig = field(default_factory=GridConfig)
     weights: Path | None = None  # of the learned planners; None: those shipped with the package
+    samples: int = 256  # rollouts of planners that draw many and take the best
     budget_s: float = 0.0  # anytime planners go on while it lasts; their first plan takes as long as it takes
 
     @cached_property

@@ -26,7 +26,9 @@ PLANNERS: dict[str, MakePlanner] = {
     "dp": _later("dp", "Dp"),
     "greedy-stops": _later("greedy_stops", "GreedyStops"),
     "refined": _later("refined", "Refined"),
+    "basenet-paper": _later("basenet_paper", "BaSeNetPaper"),
     "basenet": _later("basenet", "BaSeNet"),
+    "basenet-sample": _later("basenet", "BaSeNet", sampled=True),
 }
 
 

@@ -34,7 +34,7 @@ class StopGraph:
 
 
 @struct.dataclass
-class StopProblem:
+class StopScene:
     """One scene on the graph, or a batch; times in s. Nothing that a padded object holds matters."""
 
     pick_time: Float[Array, "*batch K M"]  # infinite where the stop doesn't serve the object
@@ -71,17 +71,17 @@ def access_time(drive: Float[Array, "K K"], pick_time: Float[Array, "K M"]) -> F
     return jax.lax.map(lambda column: jnp.min(drive + column, axis=1), excess.T).T
 
 
-def make_problem(
+def make_scene(
     graph: StopGraph,
     pick_time: Float[Array, "K M"],
     first_drive: Float[Array, " K"],
     robot_start: Float[Array, "3"],
     grasps: Float[Array, "M 4"],
     mask: Bool[Array, " M"],
-) -> StopProblem:
+) -> StopScene:
     """The problem of one scene; objects that no stop serves are left out."""
     mask = mask & jnp.any(jnp.isfinite(pick_time) & jnp.isfinite(first_drive)[:, None], axis=0)
-    return StopProblem(pick_time, access_time(graph.drive, pick_time), first_drive, robot_start, grasps, mask)
+    return StopScene(pick_time, access_time(graph.drive, pick_time), first_drive, robot_start, grasps, mask)
 
 
 class StopPolicy(nn.Module):
@@ -93,7 +93,7 @@ class StopPolicy(nn.Module):
 
     @nn.compact
     def __call__(
-        self, graph: StopGraph, problem: StopProblem, state: StopState
+        self, graph: StopGraph, problem: StopScene, state: StopState
     ) -> tuple[Float[Array, "*batch K"], Float[Array, "*batch"]]:
         """Logits of a categorical distribution over the stops and, apart, of the choice to end.
 
@@ -163,7 +163,7 @@ class _Views:
 
     def __init__(
         self,
-        problem: StopProblem,
+        problem: StopScene,
         state: StopState,
         pick: Float[Array, "*batch K M"],
         access: Float[Array, "*batch K M"],
@@ -178,7 +178,7 @@ class _Views:
         self.drive = _finite(drive)
         self.waiting = waiting[..., 0, :]  # objects not served yet
         self.improvable = jnp.where(mask & ~waiting, _finite(best) - self.least[..., None, :], 0.0)[..., 0, :]
-        self.share = jnp.mean(serves, axis=-2)  # of the stops, that serve the object
+        self.stops = jnp.sum(serves, axis=-2)  # that serve the object
         self.first = serves & waiting
         self.excess = jnp.where(serves, pick - self.least[..., None, :], 0.0)
         self.saved = jnp.where(serves & ~waiting, jnp.maximum(_finite(best) - _finite(pick), 0.0), 0.0)
@@ -187,7 +187,7 @@ class _Views:
 
     def node_features(self) -> Float[Array, "*batch M inputs"]:
         """The grasp, and how the object stands."""
-        extra = [self.waiting, _SECONDS * self.improvable, _SECONDS * (self.least - 10.0), 4.0 * self.share]
+        extra = [self.waiting, _SECONDS * self.improvable, _SECONDS * (self.least - 10.0), 0.01 * self.stops]
         grasps = jnp.where(self.problem.mask[..., None], self.problem.grasps, 0.0)
         return jnp.concatenate([object_features(grasps), jnp.stack(extra, axis=-1)], axis=-1)
 

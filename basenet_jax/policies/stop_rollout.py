@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Bool, Float, Int
 
-from basenet_jax.policies.stop_policy import StopGraph, StopPolicy, StopProblem, StopState
+from basenet_jax.policies.stop_policy import StopGraph, StopPolicy, StopScene, StopState
 
 END = -1  # the choice to end, and padding of a sequence of stops
 
@@ -21,13 +21,13 @@ class StopPlan(NamedTuple):
     cost: Float[Array, "*batch"]  # s, of all drives and picks
 
 
-def start(problem: StopProblem) -> StopState:
+def start(problem: StopScene) -> StopState:
     """Before the first drive."""
     best = jnp.full(problem.mask.shape, jnp.inf, problem.pick_time.dtype)
     return StopState(problem.robot_start, problem.first_drive, best, jnp.zeros(best.shape[:-1], best.dtype))
 
 
-def visit(graph: StopGraph, problem: StopProblem, state: StopState, stop: Int[Array, "*batch"]) -> StopState:
+def visit(graph: StopGraph, problem: StopScene, state: StopState, stop: Int[Array, "*batch"]) -> StopState:
     """After driving to a stop; the same state for `END`."""
     goes, stop = stop != END, jnp.maximum(stop, 0)
     here = jnp.take_along_axis(problem.pick_time, stop[..., None, None], axis=-2)[..., 0, :]
@@ -66,7 +66,7 @@ def choose_randomly(key: Array) -> Choose:
 
 
 def play(
-    policy: StopPolicy, params: Any, graph: StopGraph, problem: StopProblem, choose: Choose
+    policy: StopPolicy, params: Any, graph: StopGraph, problem: StopScene, choose: Choose
 ) -> Int[Array, "*batch M"]:
     """The stops visited, then `END`; it goes on until all episodes of the batch have ended."""
     slots = problem.mask.shape[-1]
@@ -87,7 +87,7 @@ def play(
     return jax.lax.while_loop(goes_on, advance, nothing)[2]
 
 
-def plan_of(graph: StopGraph, problem: StopProblem, visited: Int[Array, " M"]) -> StopPlan:
+def plan_of(graph: StopGraph, problem: StopScene, visited: Int[Array, " M"]) -> StopPlan:
     """The plan of one sequence of stops: each object at the visit that picks it fastest, idle visits left out.
 
     Args:
@@ -115,7 +115,7 @@ plans_of = jax.vmap(plan_of, in_axes=(None, 0, 0))  # of a batch
 
 
 def best_of(
-    policy: StopPolicy, params: Any, graph: StopGraph, problem: StopProblem, key: Array, samples: int
+    policy: StopPolicy, params: Any, graph: StopGraph, problem: StopScene, key: Array, samples: int
 ) -> StopPlan:
     """The cheapest of the greedy rollout and some sampled ones, for one scene.
 
@@ -142,7 +142,7 @@ def choices_gradient(
     policy: StopPolicy,
     params: Any,
     graph: StopGraph,
-    problem: StopProblem,
+    problem: StopScene,
     visited: Int[Array, "B M"],
     weight: Float[Array, " B"],
 ) -> tuple[Any, Float[Array, ""], Float[Array, ""]]:
@@ -185,7 +185,7 @@ def _surprise(
     policy: StopPolicy,
     params: Any,
     graph: StopGraph,
-    problem: StopProblem,
+    problem: StopScene,
     state: StopState,
     stop: Int[Array, " B"],
     weight: Float[Array, " B"],

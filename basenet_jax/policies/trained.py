@@ -1,4 +1,4 @@
-"""Trained policies: both layers as one pytree, from a run's weights file or those shipped with the package."""
+"""Trained policies: all layers as one pytree, from a run's weights file or those shipped with the package."""
 
 from importlib.resources import as_file, files
 from pathlib import Path
@@ -7,19 +7,22 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from basenet_jax.config import ReinforceConfig, SacConfig
 from basenet_jax.policies.base_pose import BasePosePolicy, untrained_policy
 from basenet_jax.policies.grasp_sequence import GraspSequencePolicy
+from basenet_jax.policies.stop_policy import StopGraph, StopPolicy, make_scene
+from basenet_jax.policies.stop_rollout import start
 from basenet_jax.weights_file import load_weights
 
 PACKAGED = "default.weights"
+_HIDDEN = (256, 256, 256)  # of the base-pose policy
 
 
 class Weights(NamedTuple):
-    """Both trained layers, as a run's `basenet.weights` holds them."""
+    """All layers, as a run's `basenet.weights` holds them."""
 
     base_pose: BasePosePolicy
-    sequence: Any  # parameters of `GraspSequencePolicy`; None where that layer isn't trained
+    sequence: Any  # parameters of `GraspSequencePolicy`
+    stops: Any  # parameters of `StopPolicy`
 
 
 def load_policies(path: Path | None = None) -> Weights:
@@ -28,18 +31,20 @@ def load_policies(path: Path | None = None) -> Weights:
     Raises:
         ValueError: the file is missing, damaged or holds other networks' weights; the message names it.
     """
+    like = jax.eval_shape(lambda: Weights(untrained_policy(_HIDDEN), untrained_sequence(), untrained_stops()))
     if path is not None:
-        return load_weights(path, jax.eval_shape(_untrained))[0]
+        return load_weights(path, like)[0]
     with as_file(files("basenet_jax.policies") / "weights" / PACKAGED) as packaged:
-        return load_weights(packaged, jax.eval_shape(_untrained))[0]
+        return load_weights(packaged, like)[0]
 
 
-def sequence_network(config: ReinforceConfig = ReinforceConfig()) -> GraspSequencePolicy:
-    """The network of a configuration; by default the presets'."""
-    return GraspSequencePolicy(features=config.features, layers=config.layers, attention=config.attention)
+def untrained_sequence(network: GraspSequencePolicy = GraspSequencePolicy()) -> Any:
+    """Parameters of a sequence policy as it begins, for their shapes: see `load_weights`."""
+    return network.init(jax.random.key(0), jnp.zeros((1, 4)), jnp.zeros(3), jnp.ones(1, bool))
 
 
-def _untrained() -> Weights:
-    """Weights of the presets' sizes; only their shapes matter."""
-    sequence = sequence_network().init(jax.random.key(0), jnp.zeros((1, 4)), jnp.zeros(3), jnp.ones(1, bool))
-    return Weights(untrained_policy(SacConfig().hidden), sequence)
+def untrained_stops(policy: StopPolicy = StopPolicy()) -> Any:
+    """Parameters of a stop policy as it begins, for their shapes: see `load_weights`."""
+    graph = StopGraph(jnp.zeros((1, 3)), jnp.zeros((1, 1)))
+    scene = make_scene(graph, jnp.zeros((1, 1)), jnp.zeros(1), jnp.zeros(3), jnp.zeros((1, 4)), jnp.ones(1, bool))
+    return policy.init(jax.random.key(0), graph, scene, start(scene))

@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from basenet_jax.config import BasePoseRewardConfig
 from basenet_jax.learning.base_pose_env import BasePoseEnv
+from basenet_jax.learning.config import BasePoseRewardConfig
 from basenet_jax.policies.base_pose import ACTION_SIZE, OBSERVATION_SIZE
 from basenet_jax.world.clearance import base_collides
 

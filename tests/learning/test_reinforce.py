@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from basenet_jax.config import ReinforceConfig, WorldConfig
+from basenet_jax.config import WorldConfig
+from basenet_jax.learning.config import ReinforceConfig
 from basenet_jax.learning.reinforce import Reinforce, paired_t_test
 from basenet_jax.policies.base_pose import BasePosePolicy
 from basenet_jax.policies.pickup import rollout

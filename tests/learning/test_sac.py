@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from basenet_jax.config import SacConfig
 from basenet_jax.learning._brax import networks
 from basenet_jax.learning.base_pose_env import BasePoseEnv, Trial
+from basenet_jax.learning.config import SacConfig
 from basenet_jax.learning.sac import Sac
 
 SMALL = SacConfig(

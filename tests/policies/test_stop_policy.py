@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from basenet_jax.policies.stop_policy import StopGraph, StopPolicy, StopProblem, StopState, access_time, make_problem
+from basenet_jax.policies.stop_policy import StopGraph, StopPolicy, StopScene, StopState, access_time, make_scene
 
 STOPS, OBJECTS = 20, 4
 POLICY = StopPolicy(features=8, considered=8)
 apply, init = jax.jit(POLICY.apply), jax.jit(POLICY.init)
-access_times, make = jax.jit(access_time), jax.jit(make_problem)
+access_times, make = jax.jit(access_time), jax.jit(make_scene)
 
 
 def made_up(seed, stops=STOPS, objects=OBJECTS):
@@ -161,5 +161,5 @@ def test_objects_that_no_stop_serves_are_left_out():
     remade = make(
         graph, pick, problem.first_drive, problem.robot_start, problem.grasps, jnp.array([True, True, True, False])
     )
-    assert isinstance(remade, StopProblem)
+    assert isinstance(remade, StopScene)
     assert remade.mask.tolist() == [True, False, True, False]

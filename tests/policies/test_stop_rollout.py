@@ -14,7 +14,7 @@ from basenet_jax.config import AlignedConfig
 from basenet_jax.planners.aligned_stops import aligned_poses
 from basenet_jax.planners.candidates import check_candidates
 from basenet_jax.planners.protocol import assemble_plan
-from basenet_jax.policies.stop_policy import StopPolicy, StopProblem, make_problem, stop_graph
+from basenet_jax.policies.stop_policy import StopPolicy, StopScene, make_scene, stop_graph
 from basenet_jax.policies.stop_rollout import (
     END,
     best_of,
@@ -44,7 +44,7 @@ def greedy(params, graph, problem):
     return play(POLICY, params, graph, problem, choose_best)
 
 
-def batch(problem: StopProblem, count: int) -> StopProblem:
+def batch(problem: StopScene, count: int) -> StopScene:
     return jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *x.shape)), problem)
 
 
@@ -70,7 +70,7 @@ def test_cost_is_the_judges(robot, table):
     poses = jnp.asarray(aligned_poses(robot, table, AlignedConfig(step_m=0.4)))
     graph = jax.jit(stop_graph)(robot, table, poses)
     picks = check_candidates(robot, scene, poses, pairs_at_once=256).pick_time
-    problem = make_problem(graph, picks, graph.drive[0], scene.robot_start, scene.grasps, scene.mask)
+    problem = make_scene(graph, picks, graph.drive[0], scene.robot_start, scene.grasps, scene.mask)
     drives = jax.jit(stop_graph)(robot, table, jnp.concatenate([scene.robot_start[None], poses])).drive
     problem = dataclasses.replace(problem, first_drive=drives[0, 1:])
     params = shaken(graph, problem)

@@ -1,0 +1,138 @@
+"""Every number of the learners, and the presets, in frozen dataclasses.
+
+Sources: the BaSeNet paper (arXiv 2406.08653) where it says so; the rest are choices of this project.
+"""
+
+import dataclasses
+from dataclasses import dataclass, field
+from typing import Literal
+
+from basenet_jax.config import WorldConfig
+
+
+@dataclass(frozen=True)
+class BasePoseRewardConfig:
+    """The base-pose policy's reward, the paper's gamma 1 to 4 divided by 1e6.
+
+    The division changes neither the optimal policy nor, with the temperature learned, the trade-off with entropy;
+    it keeps the critics' values near 1.
+    """
+
+    collision: float = -0.2
+    success: float = 1.0
+    navigation: float = 0.5
+    grasping: float = 0.5
+
+
+@dataclass(frozen=True)
+class SacConfig:
+    """Soft Actor-Critic for the base pose; one iteration is a batch of fresh episodes and some updates."""
+
+    frame: Literal["object", "table"] = "object"
+    own_class_share: float = 0.5  # of training objects with random size and grasp
+    hidden: tuple[int, ...] = (256, 256, 256)  # paper
+    learning_rate: float = 3e-4  # paper
+    final_learning_rate_share: float = 0.1  # reached at the last update, on a cosine
+    reward: BasePoseRewardConfig = field(default_factory=BasePoseRewardConfig)
+    reward_scale: float = 10.0
+    target_entropy: float = -4.0  # nats, of the four action components
+    final_target_entropy: float = -8.0  # reached at the last iteration, in a straight line
+    initial_alpha: float = 0.1
+    target_rate: float = 0.005  # of the target critics (no part in one-step episodes, kept for Brax's losses)
+    episodes_per_iteration: int = 512
+    updates_per_iteration: int = 8
+    batch_size: int = 512
+    replay_size: int = 262_144
+    iterations_per_interval: int = 50
+    intervals: int = 20
+    evaluation_problems: int = 4_096
+    evaluation_seed: int = 1_000_003  # of the fixed problems
+
+
+@dataclass(frozen=True)
+class ReinforceConfig:
+    """REINFORCE with a greedy-rollout baseline for the grasp sequence."""
+
+    objects: int = 10  # training draws 1 to this many
+    own_class_share: float = 0.25  # of training objects with random size and grasp
+    features: int = 64  # paper
+    layers: int = 5  # paper
+    attention: bool = True
+    baseline: bool = True
+    learning_rate: float = 1e-3  # paper
+    final_learning_rate_share: float = 0.1  # reached at the last update, on a cosine
+    navigation_weight: float = 1e3  # the paper's gamma 5
+    failure_time_s: float = 15.0  # counted for every object not driven to
+    episodes_per_update: int = 512
+    updates_per_interval: int = 50
+    intervals: int = 20
+    test_episodes: int = 2_048  # for the paired t-test of the baseline
+    significance: float = 0.05
+    evaluation_scenes: int = 1_024
+    evaluation_seed: int = 1_000_033
+
+
+@dataclass(frozen=True)
+class StopLearningConfig:
+    """Imitation, then REINFORCE, of the stop policy."""
+
+    objects: int = 15  # training draws 1 to this many
+    own_class_share: float = 0.25  # of training objects with random size and grasp
+    features: int = 48
+    layers: int = 2
+    library_objects: int = 2_048  # each once more turned by pi
+    examples: int = 8_192  # searched plans to imitate, each also turned by pi
+    search_iterations: int = 60
+    imitation_intervals: int = 30  # the first so many
+    imitations_per_update: int = 128
+    problems_per_update: int = 16
+    samples: int = 8  # episodes of each problem
+    learning_rate: float = 2e-3
+    final_learning_rate_share: float = 0.02  # reached at the last update, on a cosine
+    largest_gradient: float = 1.0  # longer ones are shortened to this norm
+    updates_per_interval: int = 50
+    intervals: int = 36
+    evaluation_problems: int = 256
+    evaluation_seed: int = 1_000_037
+
+
+Preset = Literal["quick", "default", "paper"]
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """Everything that determines a training's result."""
+
+    preset: Preset = "default"
+    seed: int = 0
+    robot: str = "ur5e_mobile"
+    world: WorldConfig = field(default_factory=WorldConfig)
+    sac: SacConfig = field(default_factory=SacConfig)
+    reinforce: ReinforceConfig = field(default_factory=ReinforceConfig)
+    stops: StopLearningConfig = field(default_factory=StopLearningConfig)
+    evaluation_objects: tuple[int, ...] = (5, 10)
+    evaluation_scenes: int = 50
+
+
+def make_preset(preset: Preset, *, objects: int, seed: int) -> TrainConfig:
+    """The configuration of a preset.
+
+    quick: all layers in a few minutes on two CPU cores. default: good policies in under 40 minutes there.
+    paper: the paper's training distribution (its five classes only), networks, rewards and rates for its two layers.
+
+    Args:
+        preset: its name.
+        objects: training draws 1 to this many.
+        seed: of everything random.
+    """
+    stops = StopLearningConfig(objects=objects)
+    if preset == "quick":
+        sac = SacConfig(intervals=12)
+        reinforce = ReinforceConfig(objects=objects, intervals=4, updates_per_interval=25)
+        stops = dataclasses.replace(stops, library_objects=512, examples=1_024, imitation_intervals=6, intervals=6)
+    elif preset == "default":
+        sac, reinforce = SacConfig(intervals=120), ReinforceConfig(objects=objects, intervals=20)
+    else:
+        sac = SacConfig(own_class_share=0.0, final_learning_rate_share=1.0, final_target_entropy=-4.0, intervals=120)
+        reinforce = ReinforceConfig(objects=objects, own_class_share=0.0, final_learning_rate_share=1.0)
+    return TrainConfig(preset=preset, seed=seed, sac=sac, reinforce=reinforce, stops=stops)

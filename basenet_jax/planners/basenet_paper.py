@@ -1,0 +1,37 @@
+"""The paper's planner: the learned grasp sequence with the learned base poses, in one greedy rollout."""
+
+import jax
+from jax import Array
+
+from basenet_jax.config import WorldConfig
+from basenet_jax.planners.protocol import PlannerSetup
+from basenet_jax.policies.grasp_sequence import GraspSequencePolicy
+from basenet_jax.policies.pickup import as_plan, choose_learned, rollout
+from basenet_jax.policies.trained import Weights, load_policies
+from basenet_jax.robot.model import Robot
+from basenet_jax.task.plan import Plan
+from basenet_jax.world.scene import Scene
+
+
+class BaSeNetPaper:
+    """Plans by both learned policies.
+
+    Raises:
+        ValueError: the weights are missing, damaged or of other networks; the message names the file.
+    """
+
+    def __init__(self, setup: PlannerSetup):
+        self._robot, self._world = setup.robot, setup.world
+        self._weights = load_policies(setup.weights)
+
+    def __call__(self, scene: Scene, key: Array) -> Plan:
+        """See `Planner`; the key is ignored."""
+        return _plan(self._robot, self._weights, scene, key, self._world)
+
+
+@jax.jit(static_argnames="world")
+def _plan(robot: Robot, weights: Weights, scene: Scene, key: Array, world: WorldConfig) -> Plan:
+    batch = jax.tree.map(lambda x: x[None], scene)
+    choose = choose_learned(GraspSequencePolicy(), weights.sequence, batch)
+    steps = rollout(robot, batch, weights.base_pose, choose, key, world)
+    return jax.tree.map(lambda x: x[0], as_plan(steps))
