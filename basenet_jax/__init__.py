@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from basenet_jax.api import execute as execute
     from basenet_jax.api import make_plan as make_plan
     from basenet_jax.api import plot_plan as plot_plan
+    from basenet_jax.api import replan as replan
     from basenet_jax.api import sample_scene as sample_scene
     from basenet_jax.config import WorldConfig as WorldConfig
     from basenet_jax.learning.base_pose_env import BasePoseEnv as BasePoseEnv
@@ -63,6 +64,7 @@ _MODULES = {
     "navigation_time": "task.navigation",
     "pick": "task.picking",
     "plot_plan": "api",
+    "replan": "api",
     "sample_scene": "api",
     "save_plan": "task.plan_file",
     "save_scene": "world.scene_file",
@@ -95,6 +97,7 @@ __all__ = [
     "navigation_time",
     "pick",
     "plot_plan",
+    "replan",
     "sample_scene",
     "save_plan",
     "save_scene",

@@ -4,14 +4,17 @@ The batched functions underneath (`task.plan.execute`, `pick`, `navigation_time`
 go under jit, vmap and sharding; these here compile for themselves and keep what they made for the next call.
 """
 
+import dataclasses
 import functools
 import math
 import os
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jaxtyping import PRNGKeyArray
 
@@ -76,6 +79,46 @@ def make_plan(
     return made(_arrays(scene), jax.random.key(0) if key is None else key)
 
 
+def replan(
+    scene: NamedScene | Scene,
+    robot_pose: Sequence[float] | Array,
+    gone: Iterable[str | int],
+    *,
+    planner: str = "basenet",
+    weights: str | os.PathLike[str] | None = None,
+    budget_s: float = 0.0,
+    samples: int = 256,
+    key: Array | None = None,
+) -> Plan:
+    """Plans what is left, from where the robot stands now: after each pick, and whenever something has changed.
+
+    Nothing is compiled again: the scene keeps its number of slots, and the plan's steps name the same ones.
+
+    Args:
+        scene: as it is now, unbatched: objects that were moved are where they are now.
+        robot_pose: the base's present (x, y, heading) in W, m and rad; where it parked for a pick will do.
+        gone: names or slots of the objects that are not on the table any more, picked or taken away.
+        planner: as for `make_plan`.
+        weights: likewise.
+        budget_s: likewise.
+        samples: likewise.
+        key: likewise.
+
+    Raises:
+        ValueError: there is no such object; or see `make_plan`.
+    """
+    arrays = _arrays(scene)
+    mask = np.array(arrays.mask)
+    for each in gone:
+        mask[_slot(scene, each)] = False
+    start = jnp.asarray(robot_pose, arrays.robot_start.dtype)
+    if start.shape != (3,) or not bool(jnp.all(jnp.isfinite(start))):
+        raise ValueError(f"robot_pose: found {np.asarray(robot_pose).tolist()}, needs x, y and heading, all finite")
+    left = dataclasses.replace(arrays, mask=jnp.asarray(mask), robot_start=start)
+    again = dataclasses.replace(scene, arrays=left) if isinstance(scene, NamedScene) else left
+    return make_plan(again, planner=planner, weights=weights, budget_s=budget_s, samples=samples, key=key)
+
+
 def execute(scene: NamedScene | Scene, plan: Plan) -> Outcome:
     """The judge's verdict on a plan, per step and in total.
 
@@ -138,6 +181,20 @@ def _planner(
 @functools.cache
 def _robot(name: str):
     return jax.device_put(load_robot(name))
+
+
+def _slot(scene: NamedScene | Scene, which: str | int) -> int:
+    """The slot of an object given by its name or slot."""
+    if isinstance(which, str):
+        names = scene.names if isinstance(scene, NamedScene) else ()
+        if which not in names:
+            allowed = ", ".join(names) or "slots, as numbers"
+            raise ValueError(f"gone: found {which!r}, allowed are {allowed}")
+        return names.index(which)
+    slots = len(_arrays(scene).mask)
+    if not 0 <= which < slots:
+        raise ValueError(f"gone: found {which}, allowed are 0 to {slots - 1}")
+    return which
 
 
 def _robot_name(scene: NamedScene | Scene) -> str:

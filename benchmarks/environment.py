@@ -4,6 +4,7 @@ import hashlib
 import os
 import platform
 import shlex
+import sys
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -61,6 +62,16 @@ def portable_argument(argument: str) -> str:
 def fingerprint(path: Path) -> dict[str, str]:
     """What identifies a file of weights: its portable path and its SHA-256."""
     return {"file": portable(path), "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
+
+
+def peak_memory_gib() -> float | None:
+    """The largest resident set that this process has had; None where that can't be known (Windows)."""
+    try:
+        import resource
+    except ImportError:
+        return None
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 2**30
 
 
 def _memory_gib() -> float | None:

@@ -146,6 +146,7 @@ class Report:
         """
         cached = bool(getattr(jax.config, "jax_compilation_cache_dir", None))
         machine = {"hardware": environment.hardware(), "versions": environment.versions()}
+        machine["peak_memory_gib"] = environment.peak_memory_gib()
         report = {**self.start, **machine, "compilation_cache": cached, **_plain(facts), "results": results}
         content = json.dumps(report, indent=2, allow_nan=False, ensure_ascii=False)
         console = Console(width=None if sys.stdout.isatty() else _WIDTH)

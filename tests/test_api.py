@@ -1,5 +1,6 @@
 """The library's front door: scene, plan, verdict, picture."""
 
+import dataclasses
 import io
 import os
 
@@ -145,3 +146,38 @@ def test_a_number_of_samples_that_is_none_is_refused(scene):
 def test_the_budget_reaches_the_planner(asked, scene):
     bn.make_plan(scene, planner="refined", budget_s=1.5, samples=7)
     assert (asked[-1][1].budget_s, asked[-1][1].samples) == (1.5, 7)
+
+
+def test_what_is_left_is_planned_from_where_the_robot_stands(scene, planned):
+    first = int(planned.object_index[0])
+    plan = bn.replan(scene, planned.base_pose[0], [scene.names[first]])
+    assert plan.object_index.tolist() == [1 - first, -1]
+    again = bn.replan(scene.arrays, planned.base_pose[0].tolist(), [first])
+    jax.tree.map(np.testing.assert_array_equal, plan, again)
+    left = dataclasses.replace(
+        scene.arrays, robot_start=planned.base_pose[0], mask=scene.arrays.mask.at[first].set(False)
+    )
+    outcome = bn.execute(left, plan)
+    assert int(outcome.grasped) == 1
+    # The rest of the old plan is one way to go on; a policy that sees where the robot stands finds none much worse.
+    rest = bn.execute(scene, planned)
+    assert float(outcome.execution) <= float(rest.execution - rest.navigation_time[0] - rest.pick_time[0]) + 1.0
+
+
+def test_nothing_is_left(scene, planned):
+    plan = bn.replan(scene, planned.base_pose[0], scene.names)
+    assert plan.object_index.tolist() == [-1, -1]
+
+
+@pytest.mark.parametrize(
+    ("pose", "gone", "message"),
+    [
+        ((0.0, -1.0, 0.0), ["nobody"], "gone: found 'nobody', allowed are"),
+        ((0.0, -1.0, 0.0), [2], "gone: found 2, allowed are 0 to 1"),
+        ((0.0, -1.0), [], "robot_pose: found"),
+        ((0.0, float("nan"), 0.0), [], "robot_pose: found"),
+    ],
+)
+def test_a_new_plan_that_can_not_be_made_is_refused(scene, pose, gone, message):
+    with pytest.raises(ValueError, match=message):
+        bn.replan(scene, pose, gone)

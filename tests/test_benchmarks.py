@@ -143,3 +143,15 @@ def test_too_few_scenes_have_no_interval(count):
     assert found["scenes"] == count
     assert found["t"] is None
     assert found["bootstrap"] is None
+
+
+@pytest.mark.slow
+def test_every_benchmark_runs_at_a_tiny_size(tmp_path):
+    from benchmarks import __main__ as every
+
+    every.main(["--out", str(tmp_path)])
+    assert {file.stem for file in tmp_path.iterdir()} == set(every.SCRIPTS)
+    for file in tmp_path.iterdir():
+        text = file.read_text(encoding="utf-8")
+        assert json.loads(text)["results"], file.stem
+        assert not MACHINE_PATH.search(text), file.stem

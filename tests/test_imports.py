@@ -24,7 +24,7 @@ LAYERS = (
     ("evaluation",),
     ("plots",),
     ("api",),
-    ("train", "evaluate", "plan", "generate"),
+    ("train", "ablate", "evaluate", "plan", "generate"),
 )
 LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}
 

@@ -28,7 +28,7 @@ class Ratio:
 
     scenes: int  # number of such scenes
     share: float  # of all scenes
-    ratio: float | None  # of the means of N + G; None where there is no such scene
+    ratio: float | None  # mean over them; None where there is no such scene
     ci95: tuple[float, float] | None  # by bootstrap over scenes
 
 
@@ -40,6 +40,8 @@ class Summary:
     objects: int
     scenes: int
     figures: dict[str, Figure]  # grasped (share), planning_s, navigation_s, grasping_s, execution_s, total_s
+    planning_median_s: float  # of P over the scenes
+    planning_max_s: float  # of the scene that took longest
     compile_s: float  # by how much first calls took longer, all scenes together
     disagreements: int
     ratio_to_dp: Ratio | None  # None where DP wasn't run or refused
@@ -58,6 +60,8 @@ def summarise(row: Row, rows: Sequence[Row]) -> Summary | None:
             name: mean_figure(values, most=1.0 if name == "grasped" else np.inf)
             for name, values in per_scene(row.scores, row.objects).items()
         },
+        planning_median_s=float(np.median(row.scores.planning_s)),
+        planning_max_s=float(row.scores.planning_s.max()),
         compile_s=float(row.scores.compile_s.sum()),
         disagreements=int(row.scores.disagreements.sum()),
         ratio_to_dp=None if reference is None else ratio(row.scores, reference, row.objects),
@@ -87,20 +91,17 @@ def mean_figure(values: Float[np.ndarray, " B"], *, most: float = np.inf) -> Fig
 
 
 def ratio(scores: Scores, reference: Scores, objects: int) -> Ratio:
-    """The ratio of mean N + G, planner over reference, over the scenes where both grasp every object.
+    """The mean of paired ratios of N + G, planner over reference, over the scenes where both grasp every object.
 
-    The interval is the percentile bootstrap's over scenes, drawn in pairs with a fixed seed.
+    The interval is the percentile bootstrap's over scenes, drawn with a fixed seed.
     """
     both = (scores.grasped == objects) & (reference.grasped == objects)
     count, share = int(both.sum()), float(both.mean())
     if count == 0:
         return Ratio(0, share, None, None)
-    own, other = scores.execution_s[both], reference.execution_s[both]
-    value = float(own.mean() / other.mean())
+    ratios = scores.execution_s[both] / reference.execution_s[both]
     if count < 2:
-        return Ratio(count, share, value, None)
+        return Ratio(count, share, float(ratios.mean()), None)
     draw = np.random.default_rng(0).integers(count, size=(RESAMPLES, count))
-    low, high = np.quantile(
-        own[draw].mean(axis=1) / other[draw].mean(axis=1), [0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2]
-    )
-    return Ratio(count, share, value, (float(low), float(high)))
+    low, high = np.quantile(ratios[draw].mean(axis=1), [0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2])
+    return Ratio(count, share, float(ratios.mean()), (float(low), float(high)))

@@ -38,11 +38,15 @@ class BasePosePolicy:
         self, grasp: Float[Array, "*batch 4"], robot_pose: Float[Array, "*batch 3"]
     ) -> Float[Array, "*batch 3"]:
         """The deterministic base pose (x, y, heading in W) for a grasp (tool0's x, y, z, yaw in W)."""
+        return base_pose_from_action(self.action(grasp, robot_pose), grasp, self.frame)
+
+    def action(self, grasp: Float[Array, "*batch 4"], robot_pose: Float[Array, "*batch 3"]) -> Float[Array, "*batch 4"]:
+        """The deterministic action; see `base_pose_from_action`."""
         hidden = (observe(grasp, robot_pose) - self.mean) / self.std
         for kernel, bias in zip(self.kernels[:-1], self.biases[:-1], strict=True):
             hidden = jax.nn.relu(hidden @ kernel + bias)
         output = hidden @ self.kernels[-1] + self.biases[-1]
-        return base_pose_from_action(jnp.tanh(output[..., :ACTION_SIZE]), grasp, self.frame)
+        return jnp.tanh(output[..., :ACTION_SIZE])
 
 
 def untrained_policy(hidden: Sequence[int], frame: BaseFrame = "object") -> BasePosePolicy:
@@ -79,10 +83,15 @@ def base_pose_from_action(
 
     In the object's frame (the paper's choice), position and heading are relative to the grasp's.
     """
+    pose = pose_in_frame(action, frame)
+    return compose(grasp_frame(grasp), pose) if frame == "object" else pose
+
+
+def pose_in_frame(action: Float[Array, "*batch 4"], frame: BaseFrame) -> Float[Array, "*batch 3"]:
+    """The base pose (x, y, heading) that an action means, in the frame itself: the grasp's, or the table's."""
     reach = jnp.array(_OBJECT_FRAME_REACH if frame == "object" else _TABLE_FRAME_REACH)
     heading = atan2(action[..., 3], action[..., 2])
-    pose = jnp.concatenate([action[..., :2] * reach, heading[..., None]], axis=-1)
-    return compose(grasp_frame(grasp), pose) if frame == "object" else pose
+    return jnp.concatenate([action[..., :2] * reach, heading[..., None]], axis=-1)
 
 
 def grasp_frame(grasp: Float[Array, "*batch 4"]) -> Float[Array, "*batch 3"]:

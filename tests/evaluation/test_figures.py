@@ -61,7 +61,7 @@ def test_the_ratio_counts_scenes_where_both_grasp_every_object():
     other = scores([2, 2, 2, 1], [20.0, 10.0, 9.0, 1.0])
     found = ratio(own, other, 2)
     assert (found.scenes, found.share) == (2, 0.5)
-    assert found.ratio == pytest.approx(50.0 / 30.0)
+    assert found.ratio == pytest.approx((1.5 + 2.0) / 2)
     assert interval(found) == pytest.approx((1.5, 2.0))
 
 
@@ -100,5 +100,6 @@ def test_a_row_is_compared_with_dp_on_the_same_number_of_objects():
     assert summarise(rows[4], rows) is None
     summary = summary_of(rows[2], rows)
     assert summary.compile_s == 1.0
+    assert (summary.planning_median_s, summary.planning_max_s) == (0.5, 0.5)
     assert summary.figures["total_s"].mean == pytest.approx(30.5)
     assert summary.figures["grasped"].mean == 1.0
