@@ -14,7 +14,7 @@ from basenet_jax.planners.basenet import BaSeNet
 from basenet_jax.planners.protocol import PlannerSetup
 from basenet_jax.world.scene import Table
 
-_LABELS = {order: f"base poses of basenet-paper, {order} order" for order in ("nearest", "random")}
+_LABELS = {"nearest": "nearest first *", "random": "random order *"}
 
 
 def summarise(training: Training, trained: Trained) -> dict[str, Any]:
@@ -38,9 +38,10 @@ def print_summary(summary: dict[str, Any]) -> None:
         console.print(f"single-pick success: {100 * summary['single_pick_success']:.2f} %")
     if "plans" not in summary:
         return
-    table = RichTable(title=f"{summary['scenes']} random scenes (mean ± sd)")
+    note = "* with the base poses of basenet-paper" if "single_pick_success" in summary else None
+    table = RichTable(title=f"{summary['scenes']} random scenes (mean ± sd)", caption=note, pad_edge=False)
     for column in ("objects", "plans by", "grasped %", "N (s)", "G (s)", "N + G (s)"):
-        table.add_column(column, justify="left" if column == "plans by" else "right")
+        table.add_column(column, justify="left" if column == "plans by" else "right", no_wrap=True)
     for objects, plans in summary["plans"].items():
         for name, figures in plans.items():
             times = (figures[quantity] for quantity in ("navigation_s", "grasping_s", "execution_s"))
