@@ -8,6 +8,7 @@ vehicle that may end anywhere. It runs for a fixed time, the tables made before 
 import sys
 import time
 from dataclasses import dataclass
+from importlib import metadata
 from typing import Any
 
 import jax
@@ -65,7 +66,7 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
         for name in options.planners:
             costs, times = _ours(setup, make_planner(name, setup), scenes, options.repeats)
             results.append(_row(name, objects, costs, np.array(routed), times))
-    facts = {"pyvrp": pyvrp.__version__, "scenes": count, "seconds": seconds}
+    facts = {"pyvrp": metadata.version("pyvrp"), "scenes": count, "seconds": seconds}
     return report.finish(results, table=_table(results), **facts)
 
 
@@ -81,6 +82,7 @@ def solve(problem: StopProblem, seconds: float, seed: int) -> tuple[Int[np.ndarr
     pick_time, first, drive = map(np.asarray, problem.costs)
     useful = np.isfinite(first)  # without those that fill up
     stops, objects = np.nonzero(np.isfinite(pick_time) & useful[:, None])
+    durations: Any = _durations(first, drive)  # PyVRP's own annotation of arrays fits none
     data = pyvrp.ProblemData(
         locations=[pyvrp.Location(0, 0) for _ in range(2 + len(first))],  # the start, then the end, then the stops
         clients=[
@@ -89,8 +91,8 @@ def solve(problem: StopProblem, seconds: float, seed: int) -> tuple[Int[np.ndarr
         ],
         depots=[pyvrp.Depot(0), pyvrp.Depot(1)],
         vehicle_types=[pyvrp.VehicleType(1, start_depot=0, end_depot=1, unit_distance_cost=0, unit_duration_cost=1)],
-        distance_matrices=[np.zeros((2 + len(first),) * 2, np.int64)],
-        duration_matrices=[_durations(first, drive)],
+        distance_matrices=[0 * durations],
+        duration_matrices=[durations],
         groups=[pyvrp.ClientGroup(np.flatnonzero(objects == slot).tolist()) for slot in range(pick_time.shape[1])],
     )
     solution = pyvrp.solve(data, MaxRuntime(seconds), seed=seed, collect_stats=False, display=False).best

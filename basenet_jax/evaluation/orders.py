@@ -8,17 +8,18 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from basenet_jax.config import WorldConfig
+from basenet_jax.config import SceneConfig, WorldConfig
 from basenet_jax.planners.protocol import Planner
 from basenet_jax.policies.base_pose import BasePosePolicy
 from basenet_jax.policies.grasp_sequence import GraspSequencePolicy
 from basenet_jax.policies.pickup import Choose, as_plan, choose_learned, choose_nearest, choose_random, rollout
 from basenet_jax.robot.model import Robot
-from basenet_jax.task.plan import Outcome, execute
+from basenet_jax.task.plan import Outcome, Plan, execute
 from basenet_jax.world.generate import draw_scene
 from basenet_jax.world.scene import Scene, Table
 
 EVALUATION_SEED = 2_000_003
+ORDERS = ("learned", "nearest", "random")
 
 
 class OrderResult(NamedTuple):
@@ -38,6 +39,7 @@ def compare_orders(
     *,
     objects: int,
     scenes: int,
+    slots: int | None = None,
     world: WorldConfig = WorldConfig(),
     seed: int = EVALUATION_SEED,
 ) -> dict[str, OrderResult]:
@@ -50,6 +52,7 @@ def compare_orders(
         params: its parameters.
         objects: in each scene.
         scenes: their number.
+        slots: of the scenes; with the same ones for several numbers of objects all is compiled once.
         world: table, navigation, pick cycle.
         seed: of the scenes and of the random order.
 
@@ -57,22 +60,11 @@ def compare_orders(
         Results of "learned", "nearest" and "random".
     """
     scene_key, play_key = jax.random.split(jax.random.key(seed))
-    batch = random_scenes(scene_key, objects, scenes, world)
-
-    orders: dict[str, Choose] = {
-        "learned": choose_learned(network, params, batch),
-        "nearest": choose_nearest(batch),
-        "random": choose_random,
+    batch = random_scenes(scene_key, objects, scenes, world, slots=slots)
+    return {
+        order: judge(robot, batch, _play(robot, batch, base_pose, network, params, play_key, order, world), world)
+        for order in ORDERS
     }
-    results = {}
-    for name, choose in orders.items():
-        play: Callable[[], Outcome] = jax.jit(
-            lambda choose=choose: execute(
-                robot, batch, as_plan(rollout(robot, batch, base_pose, choose, play_key, world)), world
-            )
-        )
-        results[name] = _result(play(), objects)
-    return results
 
 
 def judge_planner(
@@ -81,6 +73,7 @@ def judge_planner(
     *,
     objects: int,
     scenes: int,
+    slots: int | None = None,
     world: WorldConfig = WorldConfig(),
     seed: int = EVALUATION_SEED,
 ) -> OrderResult:
@@ -91,32 +84,65 @@ def judge_planner(
         robot: the robot.
         objects: in each scene.
         scenes: their number.
+        slots: of the scenes, see `compare_orders`.
         world: table, navigation, pick cycle.
         seed: of the scenes and of the planner.
     """
     scene_key, plan_key = jax.random.split(jax.random.key(seed))
-    batch = random_scenes(scene_key, objects, scenes, world)
+    batch = random_scenes(scene_key, objects, scenes, world, slots=slots)
     plans = [planner(jax.tree.map(lambda x, i=i: x[i], batch), plan_key) for i in range(scenes)]
-    plan = jax.tree.map(lambda *leaves: jnp.stack(leaves), *plans)
-    return _result(jax.jit(execute, static_argnames="config")(robot, batch, plan, world), objects)
+    return judge(robot, batch, jax.tree.map(lambda *leaves: jnp.stack(leaves), *plans), world)
 
 
-def random_scenes(key: Array, objects: int, count: int, world: WorldConfig = WorldConfig()) -> Scene:
-    """A batch of random scenes with the same number of objects.
+def judge(robot: Robot, scenes: Scene, plans: Plan, world: WorldConfig = WorldConfig()) -> OrderResult:
+    """What a batch of plans comes to."""
+    outcome = jax.device_get(_execute(robot, scenes, plans, world))
+    figures = (
+        outcome.grasped / np.sum(scenes.mask, axis=-1),
+        outcome.navigation,
+        outcome.picking,
+        outcome.execution,
+    )
+    return OrderResult(*(np.asarray(figure, float) for figure in figures))
+
+
+def random_scenes(
+    key: Array, objects: int, count: int, world: WorldConfig = WorldConfig(), *, slots: int | None = None
+) -> Scene:
+    """A batch of random scenes with the same number of objects, and as many slots unless given.
 
     Raises:
         ValueError: so many objects don't fit on the table.
     """
     table = Table.from_config(world.table)
-    draw = jax.jit(
-        jax.vmap(lambda key: draw_scene(key, objects, table, slots=objects, config=world.scene)),
-    )
-    scenes, placed = draw(jax.random.split(key, count))
+    scenes, placed = _draw_scenes(jax.random.split(key, count), objects, table, slots or objects, world.scene)
     if not bool(jnp.all(placed)):
         raise ValueError(f"objects: found {objects}, which don't fit on the table; allowed are fewer")
     return scenes
 
 
-def _result(outcome: Outcome, objects: int) -> OrderResult:
-    figures = (outcome.grasped / objects, outcome.navigation, outcome.picking, outcome.execution)
-    return OrderResult(*(np.asarray(figure, float) for figure in figures))
+_execute: Callable[..., Outcome] = jax.jit(execute, static_argnames="config")
+
+
+@jax.jit(static_argnames=("slots", "config"))
+def _draw_scenes(keys: Array, objects: int, table: Table, slots: int, config: SceneConfig) -> tuple[Scene, Array]:
+    return jax.vmap(lambda key: draw_scene(key, objects, table, slots=slots, config=config))(keys)
+
+
+@jax.jit(static_argnames=("network", "order", "world"))
+def _play(
+    robot: Robot,
+    scenes: Scene,
+    base_pose: BasePosePolicy,
+    network: GraspSequencePolicy,
+    params: dict,
+    key: Array,
+    order: str,
+    world: WorldConfig,
+) -> Plan:
+    choices: dict[str, Choose] = {
+        "learned": choose_learned(network, params, scenes),
+        "nearest": choose_nearest(scenes),
+        "random": choose_random,
+    }
+    return as_plan(rollout(robot, scenes, base_pose, choices[order], key, world))

@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.table import Table as RichTable
 
 from basenet_jax.evaluation.orders import OrderResult, compare_orders, judge_planner
+from basenet_jax.learning.reinforce import sequence_network
 from basenet_jax.learning.stop_learning import stop_network
 from basenet_jax.learning.training import Trained, Training
 from basenet_jax.planners.basenet import BaSeNet
@@ -27,7 +28,10 @@ def summarise(training: Training, trained: Trained) -> dict[str, Any]:
         summary["single_pick"] = {name: float(value) for name, value in single.items()}
     if trained.sequence is not None or trained.stops is not None:
         summary["scenes"] = config.evaluation_scenes
-        summary["plans"] = {str(objects): _plans(training, trained, objects) for objects in config.evaluation_objects}
+        planner = _planner(training, trained)
+        summary["plans"] = {
+            str(objects): _plans(training, trained, planner, objects) for objects in config.evaluation_objects
+        }
     return summary
 
 
@@ -51,17 +55,32 @@ def print_summary(summary: dict[str, Any]) -> None:
     console.print(table)
 
 
-def _plans(training: Training, trained: Trained, objects: int) -> dict[str, dict[str, dict[str, float]]]:
+def _planner(training: Training, trained: Trained) -> BaSeNet | None:
+    """The planner of the stop policy, if that is trained."""
+    if trained.stops is None:
+        return None
+    world = training.config.world
+    setup = PlannerSetup(training.robot, Table.from_config(world.table), world)
+    return BaSeNet(setup, policy=stop_network(training.config.stops), params=trained.stops)
+
+
+def _plans(
+    training: Training, trained: Trained, planner: BaSeNet | None, objects: int
+) -> dict[str, dict[str, dict[str, float]]]:
     """Figures of the planners whose layers are trained, and of simpler orders beside the paper's."""
     config = training.config
-    which: dict[str, Any] = {"objects": objects, "scenes": config.evaluation_scenes, "world": config.world}
+    slots = max(config.evaluation_objects)  # the same for all, so that nothing is compiled twice
+    which: dict[str, Any] = {
+        "objects": objects,
+        "scenes": config.evaluation_scenes,
+        "slots": slots,
+        "world": config.world,
+    }
     results: dict[str, OrderResult] = {}
-    if trained.stops is not None:
-        setup = PlannerSetup(training.robot, Table.from_config(config.world.table), config.world)
-        planner = BaSeNet(setup, policy=stop_network(config.stops), params=trained.stops)
+    if planner is not None:
         results["basenet"] = judge_planner(planner, training.robot, **which)
     if trained.sequence is not None and trained.base_pose is not None:
-        network = training.reinforce(trained.base_pose).network
+        network = sequence_network(config.reinforce)
         orders = compare_orders(training.robot, trained.base_pose, network, trained.sequence, **which)
         results |= {"basenet-paper": orders.pop("learned")} | orders
     return {name: _figures(result) for name, result in results.items()}
