@@ -12,7 +12,7 @@ from basenet_jax.config import SceneConfig, WorldConfig
 from basenet_jax.planners.protocol import Planner
 from basenet_jax.policies.base_pose import BasePosePolicy
 from basenet_jax.policies.grasp_sequence import GraspSequencePolicy
-from basenet_jax.policies.pickup import Choose, as_plan, choose_learned, choose_nearest, choose_random, rollout
+from basenet_jax.policies.pickup import PickupState, as_plan, choose_learned, choose_nearest, choose_random, rollout
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.plan import Outcome, Plan, execute
 from basenet_jax.world.generate import draw_scene
@@ -62,8 +62,8 @@ def compare_orders(
     scene_key, play_key = jax.random.split(jax.random.key(seed))
     batch = random_scenes(scene_key, objects, scenes, world, slots=slots)
     return {
-        order: judge(robot, batch, _play(robot, batch, base_pose, network, params, play_key, order, world), world)
-        for order in ORDERS
+        order: judge(robot, batch, _play(robot, batch, base_pose, network, params, play_key, index, world), world)
+        for index, order in enumerate(ORDERS)
     }
 
 
@@ -129,7 +129,7 @@ def _draw_scenes(keys: Array, objects: int, table: Table, slots: int, config: Sc
     return jax.vmap(lambda key: draw_scene(key, objects, table, slots=slots, config=config))(keys)
 
 
-@jax.jit(static_argnames=("network", "order", "world"))
+@jax.jit(static_argnames=("network", "world"))
 def _play(
     robot: Robot,
     scenes: Scene,
@@ -137,12 +137,13 @@ def _play(
     network: GraspSequencePolicy,
     params: dict,
     key: Array,
-    order: str,
+    order: Array | int,
     world: WorldConfig,
 ) -> Plan:
-    choices: dict[str, Choose] = {
-        "learned": choose_learned(network, params, scenes),
-        "nearest": choose_nearest(scenes),
-        "random": choose_random,
-    }
-    return as_plan(rollout(robot, scenes, base_pose, choices[order], key, world))
+    """The plans of one of `ORDERS`, by its index: one program for all, since the picks in it take long to compile."""
+    choices = (choose_learned(network, params, scenes), choose_nearest(scenes), choose_random)
+
+    def choose(state: PickupState, key: Array) -> Array:
+        return jax.lax.switch(order, choices, state, key)
+
+    return as_plan(rollout(robot, scenes, base_pose, choose, key, world))

@@ -128,8 +128,8 @@ def make_preset(preset: Preset, *, objects: int, seed: int) -> TrainConfig:
     stops = StopLearningConfig(objects=objects)
     if preset == "quick":
         sac = SacConfig(intervals=12)
-        reinforce = ReinforceConfig(objects=objects, intervals=4, updates_per_interval=25)
-        stops = dataclasses.replace(stops, library_objects=512, examples=1_024, imitation_intervals=6, intervals=6)
+        reinforce = ReinforceConfig(objects=objects, intervals=3, updates_per_interval=25)
+        stops = dataclasses.replace(stops, library_objects=512, examples=1_024, imitation_intervals=5, intervals=5)
     elif preset == "default":
         sac, reinforce = SacConfig(intervals=120), ReinforceConfig(objects=objects, intervals=20)
     else:
