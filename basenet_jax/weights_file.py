@@ -84,7 +84,7 @@ def _decode(name: str, array: _Array, like: Any) -> jax.Array:
     if len(array.data) != dtype.itemsize * math.prod(array.shape):
         raise ValueError(f"{name}: found {len(array.data)} bytes for {array.dtype} of shape {array.shape}")
     values = np.frombuffer(array.data, dtype.newbyteorder("<")).reshape(array.shape)
-    return jnp.array(values.astype(dtype))
+    return jax.device_put(values.astype(dtype))  # not jnp.array: that compiles a copy for every shape
 
 
 def _read(path: Path) -> _Content:

@@ -1,7 +1,7 @@
 """How long a command takes from nothing: `plan` of a random scene, the first time and again, and `--help`.
 
-Each is a process of its own. The first run finds no compiled programs and no reachability map, the second finds what
-the first left in the cache folder.
+Each is a process of its own. The first run finds no compiled programs, no reachability map and no byte code, the others
+find what the first left in the cache folder.
 """
 
 import os
@@ -58,11 +58,12 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
 
 def _seconds(command: str, arguments: list[str], cache: str) -> float:
     """Wall time of one run of a command, with this folder for all that it keeps."""
-    inherited = {name: value for name, value in os.environ.items() if not name.startswith(("JAX_COMP", "BASENET"))}
+    settings = ("JAX_COMPILATION_CACHE", "BASENET_JAX", "PYTHONDONTWRITEBYTECODE")
+    inherited = {name: value for name, value in os.environ.items() if not name.startswith(settings)}
     begin = time.perf_counter()
     subprocess.run(
         [sys.executable, "-m", f"basenet_jax.{command}", *arguments],
-        env=inherited | {"XDG_CACHE_HOME": cache},
+        env=inherited | {"XDG_CACHE_HOME": cache, "PYTHONPYCACHEPREFIX": str(Path(cache) / "byte-code")},
         check=True,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,

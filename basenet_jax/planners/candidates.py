@@ -22,6 +22,9 @@ PAIRS_AT_ONCE = 12_288  # of pose and object, checked in one round: all that are
 REACH_MARGIN = 0.005  # m: covers a converged solution's position error and rounding
 
 
+_collides = jax.jit(base_collides)
+
+
 @struct.dataclass
 class Candidates:
     """K base poses and the M objects of a scene."""
@@ -41,7 +44,7 @@ def grid_poses(
     turn = np.arange(grid.turns)
     heading = np.where(turn > grid.turns // 2, turn - grid.turns, turn) * (2 * np.pi / grid.turns)
     poses = np.stack(np.meshgrid(x, y, heading, indexing="ij"), axis=-1).reshape(-1, 3).astype(np.float32)
-    collides = base_collides(robot, jnp.asarray(poses), table, config.base_clearance_m, config.touching_m)
+    collides = _collides(robot, poses, table, config.base_clearance_m, config.touching_m)
     return poses[~np.asarray(collides)]
 
 

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from msgspec import UNSET
 
-from basenet_jax.config import PickConfig, SceneConfig
+from basenet_jax.config import PickConfig
 from basenet_jax.robot.reading import load_robot, packaged_robots
 from basenet_jax.world.clearance import base_collides
 from basenet_jax.world.fields import describe, field_error
@@ -15,7 +15,7 @@ from basenet_jax.world.scene_fields import CLASSES, ObjectFields, RobotFields, S
 
 OVERLAP_TOLERANCE_M = 1e-3
 _SIZE_AND_GRASP = "are size and grasp, both and without class"
-_base_collides = jax.jit(base_collides)
+_base_collides, _footprint_radius = jax.jit(base_collides), jax.jit(footprint_radius)
 
 
 def check_scene(scene: SceneFields) -> None:
@@ -62,7 +62,7 @@ def _check_kind(item: ObjectFields, path: str) -> None:
 
 def _check_apart(objects: list[ObjectFields]) -> None:
     position = np.array([item.pose[:2] for item in objects])
-    radius = np.asarray(footprint_radius(jnp.array([size_of(item) for item in objects]), SceneConfig()), float)
+    radius = np.asarray(_footprint_radius(np.array([size_of(item) for item in objects], np.float32)), float)
     distance = np.linalg.norm(position[:, None] - position[None], axis=-1)
     needed = radius[:, None] + radius[None] - OVERLAP_TOLERANCE_M
     for second, first in np.argwhere(np.tril(distance < needed, k=-1))[:1]:
