@@ -1,6 +1,6 @@
 # What a user and a developer type. Needs Python 3.11 or newer with venv and pip, nothing else.
 #
-#   make train      set up, then learn both layers in minutes and evaluate them
+#   make train      set up, then learn all layers in minutes and evaluate them
 #   make test       set up for development, then lint, types and fast tests
 #   make test-all   the fast tests on every interpreter found among VERSIONS
 #   make bench      the scripts in benchmarks/; with RUN_DIR=runs/NAME also those that need trained weights

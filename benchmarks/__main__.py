@@ -19,7 +19,9 @@ SCRIPTS = (
     "sequence_training",
     "orders",
     "planners",
+    "gaps",
     "stop_sets",
+    "replanning",
     "cold_start",
     "routing",
 )

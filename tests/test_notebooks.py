@@ -28,8 +28,8 @@ def pictures(notebook):
     return sum("image/png" in output.get("data", {}) for output in outputs)
 
 
-def test_both_notebooks_are_there():
-    assert [path.name for path in NOTEBOOKS] == ["01_quickstart.ipynb", "02_train.ipynb"]
+def test_all_notebooks_are_there():
+    assert [path.name for path in NOTEBOOKS] == ["01_quickstart.ipynb", "02_train.ipynb", "03_results.ipynb"]
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
@@ -41,7 +41,7 @@ def test_notebooks_are_valid_begin_with_an_installation_and_hold_no_output(path)
     assert not any(cell.outputs or cell.execution_count for cell in cells)
 
 
-@pytest.mark.parametrize(("name", "drawn"), [("01_quickstart", 3), ("02_train", 2)])
+@pytest.mark.parametrize(("name", "drawn"), [("01_quickstart", 3), ("02_train", 2), ("03_results", 2)])
 def test_a_notebook_runs(name, drawn, tmp_path, environment):
     notebook = nbformat.read(ROOT / "notebooks" / f"{name}.ipynb", as_version=4)
     client = NotebookClient(

@@ -75,7 +75,7 @@ class Refined:
         for attempt in itertools.count():
             search_key, refine_key, pool_key = jax.random.split(jax.random.fold_in(key, attempt), 3)
             start = self._propose(scene, pool, search_key)
-            for plan in (start, self._refine(scene, start, refine_key)):
+            for plan in (start, self.improve(scene, start, refine_key)):
                 worth = self._worth(scene, plan)
                 if worth > value:
                     best, value = plan, worth
@@ -99,7 +99,14 @@ class Refined:
     def _check(self, scene: Scene, poses: Float[Array, "K 3"]) -> Candidates:
         return check_candidates(self._setup.robot, scene, poses, self._setup.world, pairs_at_once=PAIRS_AT_ONCE)
 
-    def _refine(self, scene: Scene, plan: Plan, key: Array) -> Plan:
+    def improve(self, scene: Scene, plan: Plan, key: Array) -> Plan:
+        """A plan with its stops moved and every object given to its best one; no worse but for rounding.
+
+        Args:
+            scene: unbatched.
+            plan: all of whose served steps are feasible.
+            key: consumed.
+        """
         if not np.any(plan.served):
             return plan
         setup, config = self._setup, self._refinement

@@ -28,7 +28,7 @@ def ablation(robot):
     return Ablation(config, jax.device_put(robot), untrained_policy((256, 256, 256)))
 
 
-@pytest.mark.parametrize("study", ["base-frame", "baseline"])
+@pytest.mark.parametrize("study", ["base-frame", pytest.param("baseline", marks=pytest.mark.slow)])
 def test_seeds_side_by_side_are_seeds_one_by_one(ablation, study):
     learner = ablation._learner(study, VARIANTS[study][0])
     several = Several(learner, 2)
@@ -68,6 +68,7 @@ def done(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow  # five trainings, each compiled
 def test_the_command_leaves_figures_and_pictures(done):
     pictures = {file.name for file in done.glob("*.png")}
     assert pictures == {"base-frame.png", "baseline.png", "attention.png", "base-poses.png"}
@@ -85,6 +86,7 @@ def test_the_command_leaves_figures_and_pictures(done):
     assert all(variant in text for variants in VARIANTS.values() for variant in variants)
 
 
+@pytest.mark.slow
 def test_a_finished_ablation_is_not_trained_over_and_can_be_drawn_again(done, monkeypatch, capsys):
     monkeypatch.setattr(module, "make_ablation", tiny_ablation)
     given = ["--out", str(done), "--seeds", "2", "--objects", "3"]
