@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from matplotlib.collections import PathCollection
 
 from basenet_jax.evaluation.ablation import FIGURES, BasePoses, as_markdown, final_figures, read_curves
 from basenet_jax.learning.ablation import VARIANTS, layer_of
@@ -75,7 +76,7 @@ def test_curves_are_drawn_with_their_spread(curves):
     for axes, name in zip(figure.axes, labels, strict=True):
         drawn = {line.get_label(): line.get_ydata() for line in axes.get_lines()}
         for variant, figures in curves["baseline"].items():
-            np.testing.assert_allclose(drawn[variant], figures[name].mean(axis=0))
+            np.testing.assert_allclose(np.asarray(drawn[variant], float), figures[name].mean(axis=0))
         assert len(axes.collections) == 2
     figure.canvas.draw()
 
@@ -90,6 +91,6 @@ def test_base_poses_are_drawn_in_each_frame():
     for axes, (variant, (pose, _, share)) in zip(figure.axes, clouds.items(), strict=True):
         assert variant in axes.get_title()
         assert f"{100 * share:.1f} %" in axes.get_title()
-        points = [each for each in axes.collections if hasattr(each, "get_sizes") and len(each.get_sizes())]
-        assert sum(len(each.get_offsets()) for each in points) == len(pose)
+        points = [each for each in axes.collections if isinstance(each, PathCollection)]
+        assert sum(len(np.asarray(each.get_offsets())) for each in points) == len(pose)
     figure.canvas.draw()
