@@ -19,7 +19,6 @@ SCRIPTS = (
     "sequence_training",
     "orders",
     "planners",
-    "gaps",
     "stop_sets",
     "replanning",
     "cold_start",

@@ -43,6 +43,8 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     setup, results = PlannerSetup(), []
     for objects in options.objects[:1] if options.quick else options.objects:
         known = read(objects)[: 2 if options.quick else None]
+        if not known:
+            raise SystemExit(f"gaps: no plans of {objects} objects are known yet; run python -m benchmarks.best_known")
         scenes = random_set(objects, 1 + max(each.scene for each in known), seed=SCENE_SEED)
         for name in planners:
             planner, gaps = make_planner(name, setup), []
