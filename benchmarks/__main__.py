@@ -19,6 +19,7 @@ SCRIPTS = (
     "sequence_training",
     "orders",
     "planners",
+    "paper_planner",
     "stop_sets",
     "replanning",
     "cold_start",

@@ -6,6 +6,7 @@ so a further run, with another seed or more time, only improves the files; it ca
 """
 
 import dataclasses
+import functools
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -73,7 +74,7 @@ def main(arguments: list[str] | None = None) -> None:
     options = tyro.cli(Options, args=arguments, prog="python -m benchmarks.best_known", description=__doc__)
     enable_cache()
     reporter = make_reporter()
-    refined = Refined(dataclasses.replace(_SETUP, budget_s=options.budget))
+    refined = Refined(dataclasses.replace(_setup(), budget_s=options.budget))
     for objects in options.objects:
         best = {known.scene: known for known in read(objects)}
         scenes = random_set(objects, options.scenes, seed=SCENE_SEED)
@@ -95,13 +96,17 @@ def read(objects: int) -> list[Known]:
     return msgspec.json.decode(file.read_bytes(), type=list[Known]) if file.exists() else []
 
 
-_SETUP = PlannerSetup()
 _execute = jax.jit(execute)
+
+
+@functools.cache
+def _setup() -> PlannerSetup:
+    return PlannerSetup()
 
 
 def judged(index: int, found_by: str, scene: Scene, plan: Plan) -> Known | None:
     """A plan as it is kept; None if it doesn't grasp every object."""
-    outcome = _execute(_SETUP.robot, scene, plan)
+    outcome = _execute(_setup().robot, scene, plan)
     if int(outcome.grasped) < int(np.sum(scene.mask)):
         return None
     poses = np.asarray(plan.base_pose, float).tolist()
@@ -123,8 +128,9 @@ def as_plan(known: Known) -> Plan:
 def _plans(refined: Refined, scene: Scene, key: jax.Array, options: Options) -> Iterator[tuple[str, Plan]]:
     keys = jax.random.split(key, options.starts + 1)
     if options.fine:
-        poses = grid_poses(_SETUP.robot, _SETUP.table, FINE, _SETUP.world.pick)
-        plan = plan_exactly(_SETUP.robot, scene, check_candidates(_SETUP.robot, scene, poses, _SETUP.world))
+        setup = _setup()
+        poses = grid_poses(setup.robot, setup.table, FINE, setup.world.pick)
+        plan = plan_exactly(setup.robot, scene, check_candidates(setup.robot, scene, poses, setup.world))
         yield "dp, 5 cm and 22.5 degrees, refined", refined.improve(scene, plan, keys[-1])
     for own in keys[:-1]:
         yield f"refined, {options.budget:g} s", refined(scene, own)
