@@ -42,7 +42,7 @@ class PickConfig:
     orientation_tolerance_rad: float = 0.5 * math.pi / 180.0
     max_descent_step_rad: float = 0.5  # per joint, between neighbouring waypoints
     swept_points: int = 7  # checked inside the moves home -> pre-grasp and pre-grasp -> stow
-    refinements: int = 2  # damped-least-squares steps on closed-form waypoints
+    refinements: int = 1  # damped-least-squares steps on closed-form waypoints
     lattice_seeds: int = 64  # for an arm without a closed form
     lattice_iterations: int = 40
     chunk: int = 2048  # picks checked at a time at most; the largest arrays of a chunk fit a CPU core's cache

@@ -4,28 +4,32 @@ Unlike the paper's, it shares a stop between all objects that are picked well fr
 slower picks; see `policies.stop_policy`.
 """
 
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
-from jax.typing import ArrayLike
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from basenet_jax.config import AlignedConfig, WorldConfig
 from basenet_jax.planners.aligned_stops import aligned_poses
-from basenet_jax.planners.candidates import Candidates, check_candidates, join
+from basenet_jax.planners.candidates import Candidates, check_candidates, estimate_times
+from basenet_jax.planners.optimistic import settle, stop_scenes
 from basenet_jax.planners.protocol import PlannerSetup
-from basenet_jax.policies.stop_policy import StopGraph, StopPolicy, make_scene, stop_graph
-from basenet_jax.policies.stop_rollout import StopPlan, best_of, choose_best, plan_of, play
+from basenet_jax.policies.stop_policy import StopGraph, StopPolicy, StopScene, stop_graph
+from basenet_jax.policies.stop_rollout import StopPlan, cheapest, choose_best, plans_of, play, sample
 from basenet_jax.policies.trained import load_policies
 from basenet_jax.robot.model import Robot
-from basenet_jax.task.navigation import navigation_time
 from basenet_jax.task.picking import Reason
 from basenet_jax.task.plan import Plan
-from basenet_jax.world.scene import Scene
+from basenet_jax.world.scene import Scene, Table
 
-_PAIRS_AT_ONCE = 1536  # of stop and object: all those of ten objects and the aligned stops in reach
+_PAIRS = 1536  # of stop and object: all those of ten objects and the aligned stops in reach
+_PAIRS_AT_ONCE = 4 * _PAIRS  # of several scenes, estimated in one round
+_SCENES_AT_ONCE = 16  # planned in one round
+_BATCH = 256  # scenes of one call of the compiled program; more go in several calls
 
 
 class BaSeNet:
@@ -55,58 +59,133 @@ class BaSeNet:
         Raises:
             ValueError: the weights are missing, damaged or of other networks; the message names the file.
         """
-        self._setup, self._samples = setup, setup.samples if sampled else 0
-        self._policy = policy
-        self._params = load_policies(setup.weights).stops if params is None else params
-        self._stops = jax.device_put(aligned_poses(setup.robot, setup.table, aligned, setup.world.pick))
-        self._graph = self._graph_of(self._stops)
+        self._setup = setup
+        params = load_policies(setup.weights).stops if params is None else params
+        self._made_for = _MadeFor(setup.robot, setup.table, params)
+        self._program = _Program(policy, setup.samples if sampled else 0, setup.world)
+        stops = jax.device_put(aligned_poses(setup.robot, setup.table, aligned, setup.world.pick))
+        self._graph = self._graph_of(stops)
+
+    @property
+    def stops(self) -> Float[Array, "K 3"]:
+        """The aligned stops, (x, y, heading) in W."""
+        return self._graph.poses
 
     def __call__(self, scene: Scene, key: Array) -> Plan:
         """See `Planner`; the key is ignored by a single greedy rollout."""
-        candidates = self._check(scene, self._stops)
-        plan, complete = self._plan(scene, candidates, self._graph, key)
-        if bool(complete):
-            return plan
-        everywhere = join(candidates, self._check(scene, self._setup.grid_poses))
-        return self._plan(scene, everywhere, self._graph_of(everywhere.base_pose), key)[0]
+        plan, complete = _plan_one(self._program, self._made_for, scene, self._graph, key)
+        return plan if bool(complete) else self._plan_everywhere(scene, key)
 
-    def _plan(self, scene: Scene, candidates: Candidates, graph: StopGraph, key: Array) -> tuple[Plan, Array]:
+    def plan_batch(self, scenes: Scene, key: Array) -> Plan:
+        """Plans a batch of scenes in one program; see `BatchPlanner`."""
+        count = len(scenes.mask)
+        size = min(count, _BATCH)
+        keys, parts = jax.random.split(key, count), []
+        for start in range(0, count, size):
+            own = np.minimum(np.arange(start, start + size), count - 1)  # the last one is filled up with its last scene
+            batch = jax.tree.map(lambda x, own=own: x[own], (scenes, keys))
+            planned = _plan_many(self._program, self._made_for, batch[0], self._graph, batch[1])
+            parts.append(jax.tree.map(lambda x, start=start: x[: count - start], planned))
+        plan, complete = jax.tree.map(lambda *x: jnp.concatenate(x), *parts)
+        for index in np.flatnonzero(~np.asarray(complete)).tolist():
+            scene, own_key = jax.tree.map(lambda x, index=index: x[index], (scenes, keys))
+            anew = self._plan_everywhere(scene, own_key)
+            plan = jax.tree.map(lambda all, one, index=index: all.at[index].set(one), plan, anew)
+        return plan
+
+    def _plan_everywhere(self, scene: Scene, key: Array) -> Plan:
+        """A plan over the aligned stops and the grid's poses, all checked in full."""
         setup = self._setup
-        return _plan(setup.robot, scene, candidates, graph, self._policy, self._params, key, self._samples, setup.world)
-
-    def _check(self, scene: Scene, poses: Float[ArrayLike, "K 3"]) -> Candidates:
-        return check_candidates(self._setup.robot, scene, poses, self._setup.world, pairs_at_once=_PAIRS_AT_ONCE)
+        poses = jnp.concatenate([self._graph.poses, jnp.asarray(setup.grid_poses)])
+        candidates = check_candidates(setup.robot, scene, poses, setup.world, pairs_at_once=_PAIRS)
+        return _plan_checked(self._program, self._made_for, scene, candidates, self._graph_of(poses), key)
 
     def _graph_of(self, poses: Float[Array, "K 3"]) -> StopGraph:
         setup = self._setup
         return _stop_graph(setup.robot, setup.table, poses, setup.world.navigation)
 
 
+class _MadeFor(NamedTuple):
+    """What stays the same from call to call."""
+
+    robot: Robot
+    table: Table
+    params: Any  # of the policy
+
+
 _stop_graph = jax.jit(stop_graph, static_argnames="config")
 
 
-@jax.jit(static_argnames=("policy", "samples", "world"))
-def _plan(
-    robot: Robot,
-    scene: Scene,
-    candidates: Candidates,
-    graph: StopGraph,
-    policy: StopPolicy,
-    params: Any,
-    key: Array,
-    samples: int,
-    world: WorldConfig,
-) -> tuple[Plan, Array]:
-    """The plan, and whether it serves every object."""
-    first_drive = navigation_time(robot, scene.robot_start, graph.poses, scene.table, world.navigation)
-    own = make_scene(graph, candidates.pick_time, first_drive, scene.robot_start, scene.grasps, scene.mask)
-    if samples:
-        stops = best_of(policy, params, graph, own, key, samples)
-    else:
-        stops = plan_of(graph, own, play(policy, params, graph, own, choose_best))
+@dataclass(frozen=True)
+class _Program:
+    """What the compiled programs are made for."""
+
+    policy: StopPolicy
+    samples: int  # rollouts drawn beside the greedy one
+    world: WorldConfig
+
+    def plan_stops(self, made_for: _MadeFor, scenes: Scene, graph: StopGraph, times: Array, keys: Array) -> StopPlan:
+        """Plans of a batch by pick times that are estimated, or exact."""
+        robot, table, params = made_for
+
+        def play_greedily(own: StopScene) -> StopPlan:
+            return plans_of(graph, own, play(self.policy, params, graph, own, choose_best))
+
+        greedy = settle(robot, table, graph, scenes, times, play_greedily, self.world, at_once=_SCENES_AT_ONCE)
+        if not self.samples:
+            return greedy.plan
+
+        def sample_one(own: tuple[Scene, Array, Array]) -> StopPlan:
+            """On the times that the greedy plan left, so that the best of all is no worse than it."""
+            scene, times, key = own
+            batch = jax.tree.map(lambda x: x[None], scene)
+
+            def draw(own: StopScene) -> Array:
+                return sample(self.policy, params, graph, jax.tree.map(lambda x: x[0], own), key, self.samples)
+
+            visited = draw(stop_scenes(robot, table, graph, batch, times[None], self.world))
+
+            def take_cheapest(own: StopScene) -> StopPlan:
+                return jax.vmap(cheapest, in_axes=(None, 0, None))(graph, own, visited)
+
+            settled = settle(robot, table, graph, batch, times[None], take_cheapest, self.world, at_once=1)
+            return jax.tree.map(lambda x: x[0], settled.plan)
+
+        return jax.lax.map(sample_one, (scenes, greedy.pick_time, keys))
+
+
+@jax.jit(static_argnames="program")
+def _plan_one(
+    program: _Program, made_for: _MadeFor, scene: Scene, graph: StopGraph, key: Array
+) -> tuple[Plan, Bool[Array, ""]]:
+    one = jax.tree.map(lambda x: x[None], (scene, key))
+    return jax.tree.map(lambda x: x[0], _plan_many(program, made_for, one[0], graph, one[1]))
+
+
+@jax.jit(static_argnames="program")
+def _plan_many(
+    program: _Program, made_for: _MadeFor, scenes: Scene, graph: StopGraph, keys: Array
+) -> tuple[Plan, Bool[Array, " B"]]:
+    """Plans by estimated pick times, and whether each serves every object."""
+    robot, _, _ = made_for
+    at_once = min(len(scenes.mask), _PAIRS_AT_ONCE // _PAIRS) * _PAIRS
+    times = estimate_times(robot, graph.poses, scenes.grasps, scenes.mask, program.world.pick, pairs_at_once=at_once)
+    stops = program.plan_stops(made_for, scenes, graph, times, keys)
+    unserved = jnp.full(scenes.mask.shape, int(Reason.UNREACHABLE))
+    complete = jnp.all((stops.picked_at >= 0) | ~scenes.mask, axis=-1)
+    return jax.vmap(_as_plan, in_axes=(0, 0, None, 0))(scenes, stops, graph, unserved), complete
+
+
+@jax.jit(static_argnames="program")
+def _plan_checked(
+    program: _Program, made_for: _MadeFor, scene: Scene, candidates: Candidates, graph: StopGraph, key: Array
+) -> Plan:
+    """The plan of one scene by exact pick times; objects that it doesn't serve have their reasons."""
+    one = jax.tree.map(lambda x: x[None], (scene, candidates.pick_time, key))
+    stops = program.plan_stops(made_for, one[0], graph, one[1], one[2])
     reachable = jnp.any(jnp.isfinite(candidates.pick_time), axis=0)
-    plan = _as_plan(scene, stops, graph, jnp.where(reachable, int(Reason.UNREACHABLE), candidates.reason))
-    return plan, jnp.all((stops.picked_at >= 0) | ~scene.mask)
+    reason = jnp.where(reachable, int(Reason.UNREACHABLE), candidates.reason)
+    return _as_plan(scene, jax.tree.map(lambda x: x[0], stops), graph, reason)
 
 
 def _as_plan(scene: Scene, stops: StopPlan, graph: StopGraph, reason: Array) -> Plan:

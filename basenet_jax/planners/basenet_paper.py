@@ -26,12 +26,15 @@ class BaSeNetPaper:
 
     def __call__(self, scene: Scene, key: Array) -> Plan:
         """See `Planner`; the key is ignored."""
-        return _plan(self._robot, self._weights, scene, key, self._world)
+        plans = self.plan_batch(jax.tree.map(lambda x: x[None], scene), key)
+        return jax.tree.map(lambda x: x[0], plans)
+
+    def plan_batch(self, scenes: Scene, key: Array) -> Plan:
+        """See `BatchPlanner`; the key is ignored."""
+        return _plan(self._robot, self._weights, scenes, key, self._world)
 
 
 @jax.jit(static_argnames="world")
-def _plan(robot: Robot, weights: Weights, scene: Scene, key: Array, world: WorldConfig) -> Plan:
-    batch = jax.tree.map(lambda x: x[None], scene)
-    choose = choose_learned(GraspSequencePolicy(), weights.sequence, batch)
-    steps = rollout(robot, batch, weights.base_pose, choose, key, world)
-    return jax.tree.map(lambda x: x[0], as_plan(steps))
+def _plan(robot: Robot, weights: Weights, scenes: Scene, key: Array, world: WorldConfig) -> Plan:
+    choose = choose_learned(GraspSequencePolicy(), weights.sequence, scenes)
+    return as_plan(rollout(robot, scenes, weights.base_pose, choose, key, world))

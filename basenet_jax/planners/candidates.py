@@ -1,6 +1,7 @@
 """Base poses that planners choose from, and which objects can be picked from each."""
 
 import math
+from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 from basenet_jax.config import GridConfig, PickConfig, WorldConfig
 from basenet_jax.robot.kinematics import reach_sphere
 from basenet_jax.robot.model import Robot
-from basenet_jax.task.picking import Reason, pick
+from basenet_jax.task.picking import Reason, estimate_pick_time, pick
 from basenet_jax.trigonometry import sin_cos
 from basenet_jax.world.clearance import base_collides
 from basenet_jax.world.scene import Scene, Table
@@ -70,25 +71,17 @@ def check_candidates(
     """
     poses, grasps = jnp.asarray(base_pose), scene.grasps
     near = within_reach(robot, poses[:, None], grasps) & scene.mask
-    pairs = near.size
-    if not pairs:
+    if not near.size:
         unserved = jnp.full(len(grasps), int(Reason.BASE_COLLIDES), jnp.int32)
         return Candidates(poses, near, jnp.zeros(near.shape), unserved)
-    at_once = min(pairs_at_once, pairs)
-    (index,) = jnp.nonzero(near.ravel(), size=pairs, fill_value=pairs)
-    index = jnp.pad(index, (0, -pairs % at_once), constant_values=pairs)  # no pair, dropped when written
 
-    def check(state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-        start, time, reason = state
-        own = jax.lax.dynamic_slice(index, (start,), (at_once,))
-        pose, slot = jnp.divmod(jnp.minimum(own, pairs - 1), len(grasps))
+    def check(pair: Int[Array, " P"]) -> tuple[Array, Array]:
+        pose, slot = jnp.divmod(pair, len(grasps))
         picks = pick(robot, poses[pose], grasps[slot], scene.table, world.pick)
-        time = time.at[own].set(jnp.where(picks.feasible, picks.time, jnp.inf), mode="drop")
-        return start + at_once, time, reason.at[own].set(picks.reason, mode="drop")
+        return jnp.where(picks.feasible, picks.time, jnp.inf), picks.reason
 
-    nothing = (jnp.array(0), jnp.full(pairs, jnp.inf), jnp.full(pairs, int(Reason.OUT_OF_REACH), jnp.int32))
-    _, time, reason = jax.lax.while_loop(lambda state: state[0] < jnp.sum(near), check, nothing)
-    time, reason = time.reshape(near.shape), reason.reshape(near.shape)
+    nothing = (jnp.full(near.shape, jnp.inf), jnp.full(near.shape, int(Reason.OUT_OF_REACH), jnp.int32))
+    time, reason = _where(near, check, nothing, pairs_at_once)
     serves = jnp.isfinite(time)
     return Candidates(
         base_pose=poses,
@@ -96,6 +89,61 @@ def check_candidates(
         pick_time=time,
         reason=jnp.where(jnp.any(serves, axis=0), Reason.NONE, jnp.max(reason, axis=0)),
     )
+
+
+def estimate_times(
+    robot: Robot,
+    base_pose: Float[Array, "K 3"],
+    grasps: Float[Array, "*batch M 4"],
+    mask: Bool[Array, "*batch M"],
+    config: PickConfig = PickConfig(),
+    *,
+    pairs_at_once: int = PAIRS_AT_ONCE,
+) -> Float[Array, "*batch K M"]:
+    """Estimated pick times (s) of all pairs of pose and object, for scenes that share the poses; infinite: none.
+
+    Args:
+        robot: the robot.
+        base_pose: that don't collide with the table.
+        grasps: of the objects, in W.
+        mask: which of them there are.
+        config: of the picks.
+        pairs_at_once: estimated in one round.
+    """
+    near = within_reach(robot, base_pose[:, None], grasps[..., None, :, :]) & mask[..., None, :]
+    poses, slots = near.shape[-2:]
+    flat = grasps.reshape(-1, 4)
+
+    def estimate(pair: Int[Array, " P"]) -> tuple[Array]:
+        row, slot = jnp.divmod(pair, slots)
+        scene, pose = jnp.divmod(row, poses)
+        return (estimate_pick_time(robot, base_pose[pose], flat[scene * slots + slot], config),)
+
+    return _where(near, estimate, (jnp.full(near.shape, jnp.inf),), pairs_at_once)[0]
+
+
+def _where(
+    chosen: Bool[Array, "..."],
+    compute: Callable[[Int[Array, " P"]], tuple[Array, ...]],
+    otherwise: tuple[Array, ...],
+    at_once: int,
+) -> tuple[Array, ...]:
+    """Arrays like `otherwise`, computed from their flat indices where chosen, so many in a round."""
+    count = chosen.size
+    at_once = min(at_once, count)
+    (index,) = jnp.nonzero(chosen.ravel(), size=count, fill_value=count)
+    index = jnp.pad(index, (0, -count % at_once), constant_values=count)  # none, dropped when written
+
+    def fill(state: tuple[Array, tuple[Array, ...]]) -> tuple[Array, tuple[Array, ...]]:
+        start, arrays = state
+        own = jax.lax.dynamic_slice(index, (start,), (at_once,))
+        values = compute(jnp.minimum(own, count - 1))
+        filled = (array.at[own].set(value, mode="drop") for array, value in zip(arrays, values, strict=True))
+        return start + at_once, tuple(filled)
+
+    flat = tuple(array.ravel() for array in otherwise)
+    _, filled = jax.lax.while_loop(lambda state: state[0] < jnp.sum(chosen), fill, (jnp.array(0), flat))
+    return tuple(array.reshape(chosen.shape) for array in filled)
 
 
 def join(first: Candidates, second: Candidates) -> Candidates:

@@ -4,7 +4,7 @@ import dataclasses
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
@@ -37,6 +37,41 @@ class Planner(Protocol):
             PlanningError: the planner can't serve such a scene; the message says what can.
         """
         ...
+
+
+@runtime_checkable
+class BatchPlanner(Planner, Protocol):
+    """A planner that plans many scenes in one program."""
+
+    def plan_batch(self, scenes: Scene, key: Array) -> Plan:
+        """The plans of a batch, each that of its scene alone with its part of the key.
+
+        Args:
+            scenes: with one leading axis.
+            key: split into one for each scene.
+
+        Raises:
+            PlanningError: the planner can't serve such a scene; the message says what can.
+        """
+        ...
+
+
+def plan_batch(planner: Planner, scenes: Scene, key: Array) -> Plan:
+    """Plans a batch of scenes: in one program where the planner can, else one scene after the other.
+
+    Args:
+        planner: of the scenes' robot and table.
+        scenes: with one leading axis.
+        key: split into one for each scene.
+
+    Raises:
+        PlanningError: the planner can't serve such a scene; the message says what can.
+    """
+    if isinstance(planner, BatchPlanner):
+        return planner.plan_batch(scenes, key)
+    keys = jax.random.split(key, len(scenes.mask))
+    plans = [planner(*jax.tree.map(lambda x, i=i: x[i], (scenes, keys))) for i in range(len(keys))]
+    return jax.tree.map(lambda *x: jnp.stack(x), *plans)
 
 
 class PlanningError(ValueError):

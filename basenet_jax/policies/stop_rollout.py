@@ -114,10 +114,10 @@ def plan_of(graph: StopGraph, problem: StopScene, visited: Int[Array, " M"]) -> 
 plans_of = jax.vmap(plan_of, in_axes=(None, 0, 0))  # of a batch
 
 
-def best_of(
+def sample(
     policy: StopPolicy, params: Any, graph: StopGraph, problem: StopScene, key: Array, samples: int
-) -> StopPlan:
-    """The cheapest of the greedy rollout and some sampled ones, for one scene.
+) -> Int[Array, "S M"]:
+    """The stops of the greedy rollout, then of some sampled ones, for one scene.
 
     Args:
         policy: the network.
@@ -125,7 +125,7 @@ def best_of(
         graph: the stops.
         problem: unbatched.
         key: consumed.
-        samples: how many are played in parallel beside the greedy one.
+        samples: how many are played in parallel beside the greedy one; one less than S.
     """
 
     def choose(stops: Array, end: Array, step: Array) -> Array:
@@ -133,8 +133,12 @@ def best_of(
         return drawn.at[0].set(choose_best(stops, end, step)[0])
 
     many = jax.tree.map(lambda x: jnp.broadcast_to(x, (samples + 1, *x.shape)), problem)
-    visited = play(policy, params, graph, many, choose)
-    plans = plans_of(graph, many, visited)
+    return play(policy, params, graph, many, choose)
+
+
+def cheapest(graph: StopGraph, problem: StopScene, visited: Int[Array, "S M"]) -> StopPlan:
+    """The cheapest of one scene's sequences of stops, as a plan."""
+    plans = jax.vmap(plan_of, in_axes=(None, None, 0))(graph, problem, visited)
     return jax.tree.map(lambda x: x[jnp.argmin(plans.cost)], plans)
 
 

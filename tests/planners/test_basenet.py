@@ -3,10 +3,12 @@
 import dataclasses
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from basenet_jax.config import AlignedConfig
+from basenet_jax.planners import basenet
 from basenet_jax.planners.basenet import BaSeNet
 from basenet_jax.planners.candidates import check_candidates
 from basenet_jax.planners.exact_sequence import best_sequence
@@ -73,13 +75,29 @@ def test_samples_are_never_worse_and_sometimes_better(greedy, sampled, setup, sc
 
 def test_no_plan_is_better_than_the_exact_one_over_the_same_stops(greedy, sampled, setup, scenes):
     for scene in scenes:
-        candidates = check_candidates(setup.robot, scene, greedy._stops, setup.world)
+        candidates = check_candidates(setup.robot, scene, greedy.stops, setup.world)
         problem = stop_problem(setup.robot, scene, candidates)
         exact = problem.plan(scene, *jax.device_get(jax.jit(best_sequence)(*problem.costs)))
         least = float(judge(setup.robot, scene, exact).execution)
         for planner in (greedy, sampled):
             cost = float(judge(setup.robot, scene, planner(scene, KEY)).execution)
             assert least - 1e-3 <= cost <= 1.3 * least
+
+
+@pytest.mark.parametrize("planner", ["greedy", "sampled"])
+def test_a_batch_is_planned_as_each_scene_alone(planner, scenes, request):
+    planner = request.getfixturevalue(planner)
+    batch = jax.tree.map(lambda *x: jnp.stack(x), *scenes)
+    together = planner.plan_batch(batch, KEY)
+    alone = [planner(scene, key) for scene, key in zip(scenes, jax.random.split(KEY, len(scenes)), strict=True)]
+    jax.tree.map(np.testing.assert_array_equal, together, jax.tree.map(lambda *x: jnp.stack(x), *alone))
+
+
+def test_a_large_batch_goes_in_several_calls(greedy, scenes, monkeypatch):
+    batch = jax.tree.map(lambda *x: jnp.stack(x), *scenes[:3])
+    whole = greedy.plan_batch(batch, KEY)
+    monkeypatch.setattr(basenet, "_BATCH", 2)
+    jax.tree.map(np.testing.assert_array_equal, greedy.plan_batch(batch, KEY), whole)
 
 
 def test_padding_changes_nothing(greedy, setup, random_scene, padded):
@@ -93,9 +111,11 @@ def test_padding_changes_nothing(greedy, setup, random_scene, padded):
 
 def test_what_the_stops_can_not_serve_the_grid_may(setup, params, scenes):
     planner = BaSeNet(setup, params=params, aligned=FAR)
+    batch = planner.plan_batch(jax.tree.map(lambda *x: jnp.stack(x), *scenes), KEY)
+    np.testing.assert_array_equal(np.sum(batch.served, axis=1), [len(scene.mask) for scene in scenes])
     missed = 0
     for scene in scenes:
-        aligned = check_candidates(setup.robot, scene, planner._stops, setup.world)
+        aligned = check_candidates(setup.robot, scene, planner.stops, setup.world)
         missed += int(np.sum(~np.any(np.asarray(aligned.serves), axis=0)))
         assert int(judge(setup.robot, scene, planner(scene, KEY)).grasped) == len(scene.mask)
     assert missed, "the stops serve everything, so this shows nothing"
