@@ -11,6 +11,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 import torch
 from torch import Tensor, nn
@@ -55,11 +56,22 @@ class GraspSequence(nn.Module):
             *(module for _ in range(2) for module in (nn.Linear(features, features), nn.ReLU())), nn.Linear(features, 1)
         )
 
+    @property
+    def attention(self) -> list[Attention]:
+        """The graph-attention layers."""
+        return [layer for layer in self.layers if isinstance(layer, Attention)]
+
+    @property
+    def linears(self) -> list[nn.Linear]:
+        """The linear layers behind them."""
+        return [module for module in self.head if isinstance(module, nn.Linear)]
+
     def forward(self, grasps: Tensor, robot_pose: Tensor, remaining: Tensor) -> Tensor:
         """From grasps (B, M, 4), robot poses (B, 3) and what remains (B, M)."""
         robot = torch.cat([robot_pose[:, :2], _direction(robot_pose[:, 2])], dim=-1)
-        nodes = self.layers[0](torch.cat([grasps[..., :3], _direction(grasps[..., 3])], dim=-1), remaining, robot)
-        for layer in self.layers[1:]:
+        first, *others = self.attention
+        nodes = first(torch.cat([grasps[..., :3], _direction(grasps[..., 3])], dim=-1), remaining, robot)
+        for layer in others:
             nodes = layer(nodes, remaining)
         return self.head(nodes)[..., 0].masked_fill(~remaining, -torch.inf)
 
@@ -68,11 +80,11 @@ class GraspSequence(nn.Module):
         """Takes over the parameters of our network."""
         own = params["params"]
         attention = [own["FirstLayer_0"], *(own[f"Layer_{index}"] for index in range(len(self.layers) - 1))]
-        for layer, theirs in zip(self.layers, attention, strict=True):
+        for layer, theirs in zip(self.attention, attention, strict=True):
             for name in ("considered", "others", *(["robot"] if layer.robot is not None else [])):
                 _load_linear(getattr(layer, name), theirs[name])
             layer.vector.copy_(_tensor(theirs["neighbours"]["vector"][:, 0]))
-        for index, linear in enumerate(module for module in self.head if isinstance(module, nn.Linear)):
+        for index, linear in enumerate(self.linears):
             _load_linear(linear, own[f"Dense_{index}"])
         return self
 
@@ -81,13 +93,14 @@ class GraspSequence(nn.Module):
         attention = [
             {name: _linear_gradient(getattr(layer, name)) for name in ("considered", "others")}
             | ({} if layer.robot is None else {"robot": _linear_gradient(layer.robot)})
-            | {"neighbours": {"vector": layer.vector.grad.numpy()[:, None]}}
-            for layer in self.layers
+            | {"neighbours": {"vector": _gradient(layer.vector)[:, None]}}
+            for layer in self.attention
         ]
-        linears = [module for module in self.head if isinstance(module, nn.Linear)]
         own = {"FirstLayer_0": attention[0]}
         own |= {f"Layer_{index}": layer for index, layer in enumerate(attention[1:])}
-        return {"params": own | {f"Dense_{index}": _linear_gradient(linear) for index, linear in enumerate(linears)}}
+        return {
+            "params": own | {f"Dense_{index}": _linear_gradient(linear) for index, linear in enumerate(self.linears)}
+        }
 
 
 class BasePose(nn.Module):
@@ -104,12 +117,12 @@ class BasePose(nn.Module):
             raise ValueError(f"frame: found {policy.frame!r}, allowed is 'object'")
         modules: list[nn.Module] = []
         for kernel, bias in zip(policy.kernels, policy.biases, strict=True):
-            linear = nn.Linear(*kernel.shape)
+            linear = nn.Linear(kernel.shape[0], kernel.shape[1])
             _load_linear(linear, {"kernel": kernel, "bias": bias})
             modules += [linear, nn.ReLU()]
         self.layers = nn.Sequential(*modules[:-1]).requires_grad_(False)
         self.mean, self.std = _tensor(policy.mean), _tensor(policy.std)
-        self.reach = _tensor(pose_in_frame(np.ones(ACTION_SIZE, np.float32), policy.frame)[:2])
+        self.reach = _tensor(pose_in_frame(jnp.ones(ACTION_SIZE), policy.frame)[:2])
 
     def forward(self, grasp: Tensor, robot_pose: Tensor) -> Tensor:
         """The deterministic base poses."""
@@ -152,7 +165,9 @@ def _load_linear(linear: nn.Linear, theirs: Params) -> None:
 
 
 def _linear_gradient(linear: nn.Linear) -> Params:
-    weight, bias = linear.weight.grad, linear.bias.grad
-    assert weight is not None
-    assert bias is not None
-    return {"kernel": weight.T.numpy(), "bias": bias.numpy()}
+    return {"kernel": _gradient(linear.weight).T, "bias": _gradient(linear.bias)}
+
+
+def _gradient(parameter: Tensor) -> np.ndarray:
+    assert parameter.grad is not None, "backward() comes first"
+    return parameter.grad.numpy()

@@ -62,8 +62,13 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
         *(compare(ours, theirs) for ours, theirs in zip(iterated, by_mink, strict=False)),
     ]
     table = speed_table("Inverse kinematics", results, "batch", "converged_share")
-    facts = {"iterations_per_pose": ITERATIONS, "branches_per_pose": ur.BRANCHES}
-    return report.finish(results, table=table, comparisons=comparisons, **facts)
+    return report.finish(
+        results,
+        table=table,
+        comparisons=comparisons,
+        iterations_per_pose=ITERATIONS,
+        branches_per_pose=ur.BRANCHES,
+    )
 
 
 def _draw_joints(key: Array, robot: Robot, batch: int) -> np.ndarray:

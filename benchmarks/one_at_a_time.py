@@ -71,11 +71,11 @@ class OneAtATime:
         """Durations and waypoints of every branch that goes down to the grasp without a jump."""
         solutions = []
         for height in heights(self._config):
-            target = to_arm @ _transform(*grasp[:2], grasp[2] + height, grasp[3] + turn) @ _POINTING_DOWN
+            target = to_arm @ _transform(grasp[0], grasp[1], grasp[2] + height, grasp[3] + turn) @ _POINTING_DOWN
             solutions.append(_exact(self._arm.IK(target)))
             if not len(solutions[-1]):
                 return []
-        waypoints = [self._nearest_equivalents(solutions[0], self._robot.home)]
+        waypoints = [self._nearest_equivalents(solutions[0], np.asarray(self._robot.home))]
         for below in solutions[1:]:
             candidates = self._nearest_equivalents(below[None], waypoints[-1][:, None])
             apart = np.abs(candidates - waypoints[-1][:, None]).max(axis=-1)

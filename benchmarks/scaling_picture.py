@@ -1,6 +1,6 @@
 """Pictures of how a rate or a time grows with size."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from matplotlib.figure import Figure
@@ -13,7 +13,9 @@ _MARKERS = "osD^vPX*<>"
 Point = tuple[float, float, float, float]  # size, and the value's median and quartiles
 
 
-def draw_scaling(title: str, series: dict[str, list[Point]], *, size: str, value: str, log_size: bool = True) -> Figure:
+def draw_scaling(
+    title: str, series: Mapping[str, Sequence[Point]], *, size: str, value: str, log_size: bool = True
+) -> Figure:
     """One line for each series over the sizes, with the quartiles as a band, the values on a logarithmic axis.
 
     Args:

@@ -134,7 +134,7 @@ def _driven_to(learner: Reinforce, state: ReinforceState, key: Array) -> float:
 
 def _eager(training: Training, base_pose: BasePosePolicy, key: Array, options: TrainingOptions) -> list[Any]:
     """An update of PyTorch's for each of ours, from the same parameters; small tensors may be faster on one thread."""
-    import torch
+    import torch  # pyright: ignore[reportMissingImports] (it need not be installed)
 
     from benchmarks.eager_sequence import EagerReinforce, as_tensors
 

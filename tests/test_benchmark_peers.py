@@ -1,5 +1,6 @@
 """What the benchmarks set beside ours is the same arm in the same world."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -91,7 +92,7 @@ def test_mujoco_and_the_kernels_check_the_same_states(robot, pairs, joints):
     states = np.concatenate([pairs[0], joints], axis=1)
     expected = contacts.mujoco_checks(robot, table)(states)
     assert 0.1 < expected.mean() < 0.9
-    np.testing.assert_array_equal(contacts.kernel_checks(robot, table)(states.astype(np.float32)), expected)
+    np.testing.assert_array_equal(contacts.kernel_checks(robot, table)(jnp.asarray(states)), expected)
 
 
 def test_a_picture_of_scaling_has_every_series(tmp_path):

@@ -89,7 +89,7 @@ def test_drives_and_collisions_are_the_packages(learner, eager):
     np.testing.assert_array_equal(np.isfinite(found), np.isfinite(expected))
     assert 0.2 < np.isfinite(expected).mean() < 0.9
     np.testing.assert_allclose(found, expected, atol=SECONDS)
-    collides = np.asarray(base_collides(learner.robot, start, learner.table))
+    collides = np.asarray(base_collides(learner.robot, jnp.asarray(start), learner.table))
     np.testing.assert_array_equal(eager.drives.collides(torch.tensor(start)).numpy(), collides)
 
 
