@@ -4,9 +4,9 @@ A check answers for one state, a base pose and the arm's joints, whether the bas
 the arm touches the table or the body (rule 4): forward kinematics, then 17 pairs of shapes. All get the same states:
 base poses near a grasp and clear of the table, joints uniform within the limits. MuJoCo's model declares just these
 pairs; its loop is Python calling `mj_kinematics` and `mj_collision`, once on one core and once with the states dealt
-to as many threads as there are cores (MuJoCo lets go of Python's lock). MJX runs its kinematics and collisions under
-jit and vmap. Kernels and MJX compute in float32 on all cores, MuJoCo in float64. `agree` is the share of states with
-MuJoCo's verdict.
+to as many threads as there are cores (MuJoCo lets go of Python's lock, the rest of the loop doesn't). MJX runs its
+kinematics and collisions under jit and vmap. Kernels and MJX compute in float32 on all cores, MuJoCo in float64.
+`agree` is the share of states with MuJoCo's verdict.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -39,6 +39,7 @@ from benchmarks.timing import Timing, compare, measure, measure_plain, speed
 NAME = "contacts"
 BATCHES, QUICK_BATCHES = (1, 64, 1_024, 16_384, 65_536), (1_024, 16_384)
 IN_A_LOOP, QUICK_IN_A_LOOP = 16_384, 1_024  # states for MuJoCo in C
+MOST_CALLS = 16  # of kernels in one run
 BY_MJX, QUICK_BY_MJX = 4_096, 64
 
 Row = dict[str, Any]
@@ -56,7 +57,7 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     in_loop, by_mjx = (QUICK_IN_A_LOOP, QUICK_BY_MJX) if options.quick else (IN_A_LOOP, BY_MJX)
     states = draw_states(robot, max(*batches, in_loop), options.seed)
     verdicts = mujoco_checks(robot, table)(states[:in_loop])
-    kernels = [_kernels(robot, table, states[:batch], verdicts, options.repeats) for batch in batches]
+    kernels = [_kernels(robot, table, states, batch, verdicts, options.repeats) for batch in batches]
     others = [
         *_mujoco(robot, table, states[:in_loop], verdicts, options.repeats),
         _mjx(robot, table, states[:by_mjx], verdicts, options.repeats),
@@ -100,12 +101,15 @@ def mujoco_checks(robot: Robot, table: Table) -> Touches:
     data, addresses = mujoco.MjData(model), state_addresses(robot, model)
 
     def touches(states: States) -> Bool[np.ndarray, " B"]:
-        verdict = np.zeros(len(states), bool)
-        for index, state in enumerate(states):
-            data.qpos[addresses] = state
+        verdict, positions = np.zeros(len(states), bool), np.zeros((len(states), model.nq))
+        positions[:, addresses] = states
+        qpos = data.qpos
+        for index, position in enumerate(positions):
+            qpos[:] = position
             mujoco.mj_kinematics(model, data)
             mujoco.mj_collision(model, data)
-            verdict[index] = data.ncon > 0 and data.contact.dist.min() <= 0.0
+            if data.ncon:
+                verdict[index] = data.contact.dist.min() <= 0.0
         return verdict
 
     return touches
@@ -124,9 +128,12 @@ def mjx_checks(robot: Robot, table: Table) -> Callable[[Array], Array]:
     return jax.vmap(touches)
 
 
-def _kernels(robot: Robot, table: Table, states: States, verdicts: np.ndarray, repeats: int) -> Row:
-    check, batch = kernel_checks(robot, table), jnp.asarray(states)
-    return _row("kernels", measure(check, [(batch,)], repeats=repeats), np.asarray(jax.jit(check)(batch)), verdicts)
+def _kernels(robot: Robot, table: Table, states: States, batch: int, verdicts: np.ndarray, repeats: int) -> Row:
+    """Small batches are called several times in a run, with other states each time."""
+    check, calls = kernel_checks(robot, table), max(1, min(MOST_CALLS, len(states) // batch))
+    parts = [jnp.asarray(states[i * batch : (i + 1) * batch]) for i in range(calls)]
+    timing = measure(check, [(part,) for part in parts], repeats=repeats)
+    return _row("kernels", timing, np.concatenate([jax.jit(check)(part) for part in parts]), verdicts, batch=batch)
 
 
 def _mjx(robot: Robot, table: Table, states: States, verdicts: np.ndarray, repeats: int) -> Row:
@@ -149,10 +156,17 @@ def _mujoco(robot: Robot, table: Table, states: States, verdicts: np.ndarray, re
     return rows
 
 
-def _row(what: str, timing: Timing, touching: Bool[np.ndarray, " B"], verdicts: Bool[np.ndarray, " V"]) -> Row:
+def _row(
+    what: str,
+    timing: Timing,
+    touching: Bool[np.ndarray, " B"],
+    verdicts: Bool[np.ndarray, " V"],
+    batch: int | None = None,
+) -> Row:
+    """Of all the states of a run; the batch is what one call gets."""
     both = min(len(touching), len(verdicts))
     facts = {
-        "batch": len(touching),
+        "batch": batch or len(touching),
         "touching_share": float(touching.mean()),
         "agree": float(np.mean(touching[:both] == verdicts[:both])),
     }

@@ -58,7 +58,7 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     by_mink = _mink(robot, poses, seeds, options)
     results += by_mink
     comparisons = [
-        *(compare(closed[OURS], row, at=f"{row['batch']:,}") for name, row in closed.items() if name != OURS),
+        *(compare(closed[OURS], row, at=f"{len(poses):,}") for name, row in closed.items() if name != OURS),
         *(compare(ours, theirs) for ours, theirs in zip(iterated, by_mink, strict=False)),
     ]
     table = speed_table("Inverse kinematics", results, "batch", "converged_share")

@@ -62,7 +62,7 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
         results,
         table=_table(results, options),
         picture=draw_scaling(
-            f"Planning time, {options.scenes} random scenes for each size (median and quartiles)",
+            "Planning time by the size of the scene (median and quartiles)",
             series,
             size="objects in the scene",
             value="planning time, warm (s)",
