@@ -50,8 +50,9 @@ test-on-%:
 	else echo "Python $*: $$python"; $(MAKE) --no-print-directory fast-tests PYTHON="$$python" VENV=.venv-$*; fi
 
 bench: $(VENV)/package.stamp
-	set -e; for name in inverse_kinematics navigation picks planners; do echo "$$name"; $(RUN) -m benchmarks.$$name $(ARGS); done
-	$(RUN) -m benchmarks.sequence_training $(if $(RUN_DIR),--weights $(RUN_DIR)/weights/base_pose.weights) $(ARGS)
+	set -e; for name in inverse_kinematics navigation picks contacts cost_matrix sampling planners scaling; do echo "$$name"; $(RUN) -m benchmarks.$$name $(ARGS); done
+	set -e; for name in sequence_training sac; do \
+		$(RUN) -m benchmarks.$$name $(if $(RUN_DIR),--weights $(RUN_DIR)/weights/base_pose.weights) $(ARGS); done
 ifdef RUN_DIR
 	$(RUN) -m benchmarks.orders --weights $(RUN_DIR)/weights/basenet.weights $(ARGS)
 else

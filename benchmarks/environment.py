@@ -1,5 +1,6 @@
 """Where a result was measured: machine, versions, commit and command, without any absolute path."""
 
+import contextlib
 import hashlib
 import os
 import platform
@@ -15,6 +16,7 @@ from basenet_jax.evaluation.provenance import cpu_model
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("jax", "jaxlib", "mujoco", "mujoco-mjx", "brax", "flax", "optax", "numpy", "scipy")
+PEERS = ("eaik", "ur-analytic-ik", "mink", "pyvrp", "torch")  # where they are installed
 
 
 def hardware() -> dict[str, Any]:
@@ -34,7 +36,11 @@ def hardware() -> dict[str, Any]:
 
 def versions() -> dict[str, str]:
     """Of Python and the packages that results depend on."""
-    return {"python": platform.python_version()} | {name: metadata.version(name) for name in PACKAGES}
+    found = {"python": platform.python_version()} | {name: metadata.version(name) for name in PACKAGES}
+    for name in PEERS:
+        with contextlib.suppress(metadata.PackageNotFoundError):
+            found[name] = metadata.version(name)
+    return found
 
 
 def command(module: str, arguments: list[str]) -> str:

@@ -18,7 +18,8 @@ from basenet_jax.robot.reading import load_robot
 from basenet_jax.task.navigation import navigation_time
 from basenet_jax.world.generate import draw_problem
 from basenet_jax.world.scene import Table
-from benchmarks.harness import Options, Report, measure, parse, speed, speed_table
+from benchmarks.harness import Options, Report, parse, speed_table
+from benchmarks.timing import measure, speed
 
 NAME = "navigation"
 POSES, QUICK_POSES = 1_000, 16

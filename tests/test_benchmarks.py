@@ -1,15 +1,18 @@
 """Benchmarks say how to get their figures again, and their statistics are right."""
 
+import importlib.util
 import json
 import sys
 import time
+import types
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy import stats
 
-from benchmarks import environment, harness, navigation
+from benchmarks import __main__ as every
+from benchmarks import environment, harness, navigation, peers, timing
 from benchmarks.paired import CONFIDENCE, bootstrap_interval, paired_difference
 from tests.test_imports import MACHINE_PATH
 
@@ -68,23 +71,81 @@ def test_a_run_makes_every_call_after_one_compilation():
         traces.append(x)
         return 2 * x
 
-    timing = harness.measure(double, [(jnp.ones(3),), (jnp.zeros(3),)], repeats=4)
+    measured = timing.measure(double, [(jnp.ones(3),), (jnp.zeros(3),)], repeats=4)
     assert len(traces) == 1
-    assert len(timing.runs_s) == 4
+    assert len(measured.runs_s) == 4
 
 
 def test_training_steps_go_on_from_one_another():
     def step(state):
         return state + 1, {"steps": state}
 
-    timing, metrics = harness.measure_steps(step, jnp.zeros(()), repeats=3)
-    assert len(timing.runs_s) == 3
+    measured, metrics = timing.measure_steps(step, jnp.zeros(()), repeats=3)
+    assert len(measured.runs_s) == 3
     assert metrics["steps"] == 3, "the warm-up is step 0"
 
 
 def test_rates_are_of_the_median_run():
-    timing = harness.Timing(1.0, (4.0, 1.0, 2.0, 3.0, 100.0))
-    assert timing.rate(12) == {"median": 4.0, "q1": 3.0, "q3": 6.0}
+    measured = timing.Timing(1.0, (4.0, 1.0, 2.0, 3.0, 100.0), (1.0,) * 5)
+    assert measured.rate(12) == {"median": 4.0, "q1": 3.0, "q3": 6.0}
+
+
+def test_a_plain_function_is_warmed_up_and_not_compiled():
+    calls = []
+    measured = timing.measure_plain(lambda: calls.append(sum(range(300_000))), repeats=3)
+    assert len(calls) == 4
+    assert len(measured.runs_s) == len(measured.cpu_s) == 3
+    assert measured.compile_s is None
+    assert 0 < measured.cores <= 1.1, "one thread; other work can take its core away"
+
+
+def test_waiting_is_not_work():
+    measured = timing.measure_plain(lambda: time.sleep(0.05), repeats=2)
+    assert measured.cores < 0.5
+
+
+def test_comparisons_are_of_medians_and_by_busy_core():
+    ours = timing.speed("ours", "picks/s", 8, timing.Timing(1.0, (2.0,), (4.0,)))
+    theirs = timing.speed("theirs", "poses/s", 1, timing.Timing(None, (1.0,), (0.5,)))
+    found = timing.compare(ours, theirs, at="8")
+    assert found["rates"] == [4.0, 1.0]
+    assert found["ratio"] == 4.0
+    assert found["ratio_per_core"] == 1.0, "2 cores' worth of work beside half a core's"
+    assert found["at"] == "8"
+
+
+def test_a_benchmark_whose_peer_is_missing_is_passed_over(monkeypatch, capsys):
+    def fake(name, missing):
+        module = types.ModuleType(f"benchmarks.{name}")
+
+        def main(arguments):
+            assert arguments == ["--quick"]
+            if missing:
+                raise ModuleNotFoundError(f"No module named {missing!r}", name=missing)
+            row = timing.speed(name, "items/s", 3, timing.Timing(None, (1.0,), (1.0,)))
+            return {"results": [row]}
+
+        module.main = main  # type: ignore[attr-defined]
+        monkeypatch.setitem(sys.modules, f"benchmarks.{name}", module)
+
+    fake("first", "pyvrp")
+    fake("second", None)
+    monkeypatch.setattr(every, "enable_cache", lambda: None)
+    monkeypatch.setattr(every, "SCRIPTS", ("first", "second"))
+    every.main([])
+    printed = capsys.readouterr().out
+    assert 'first: left out, not installed: PyVRP: pip install "basenet_jax[benchmarks]"' in printed
+    assert "second (items/s)" in printed
+    fake("second", "no_peer_of_ours")
+    with pytest.raises(ModuleNotFoundError, match="no_peer_of_ours"):
+        every.main([])
+
+
+def test_a_missing_peer_is_named_with_its_cure(monkeypatch, capsys):
+    assert peers.installed("pyvrp", asked_by="some") == (importlib.util.find_spec("pyvrp") is not None)
+    monkeypatch.setattr(peers.importlib.util, "find_spec", lambda name: None)
+    assert not peers.installed("ur_analytic_ik", asked_by="some")
+    assert capsys.readouterr().err.endswith("(its wheels are for Python 3.11 only)\n")
 
 
 def test_a_training_is_measured_from_outside(tmp_path, monkeypatch):
@@ -147,11 +208,11 @@ def test_too_few_scenes_have_no_interval(count):
 
 @pytest.mark.slow
 def test_every_benchmark_runs_at_a_tiny_size(tmp_path):
-    from benchmarks import __main__ as every
-
     every.main(["--out", str(tmp_path)])
-    assert {file.stem for file in tmp_path.iterdir()} == set(every.SCRIPTS)
-    for file in tmp_path.iterdir():
+    files = list(tmp_path.glob("*.json"))
+    assert {file.stem for file in files} == set(every.SCRIPTS)
+    assert {file.stem for file in tmp_path.glob("*.png")} == {"picks", "contacts", "sampling", "sac", "scaling"}
+    for file in files:
         text = file.read_text(encoding="utf-8")
         assert json.loads(text)["results"], file.stem
         assert not MACHINE_PATH.search(text), file.stem
