@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from basenet_jax.api import plot_plan as plot_plan
     from basenet_jax.api import replan as replan
     from basenet_jax.api import sample_scene as sample_scene
+    from basenet_jax.batch import plan_batch as plan_batch
+    from basenet_jax.batch import sample_scenes as sample_scenes
     from basenet_jax.config import WorldConfig as WorldConfig
     from basenet_jax.learning.base_pose_env import BasePoseEnv as BasePoseEnv
     from basenet_jax.learning.config import TrainConfig as TrainConfig
@@ -63,9 +65,11 @@ _MODULES = {
     "make_preset": "learning.config",
     "navigation_time": "task.navigation",
     "pick": "task.picking",
+    "plan_batch": "batch",
     "plot_plan": "api",
     "replan": "api",
     "sample_scene": "api",
+    "sample_scenes": "batch",
     "save_plan": "task.plan_file",
     "save_scene": "world.scene_file",
     "solve_ik": "robot.ik",
@@ -96,9 +100,11 @@ __all__ = [
     "make_preset",
     "navigation_time",
     "pick",
+    "plan_batch",
     "plot_plan",
     "replan",
     "sample_scene",
+    "sample_scenes",
     "save_plan",
     "save_scene",
     "solve_ik",

@@ -24,6 +24,7 @@ LAYERS = (
     ("evaluation",),
     ("plots",),
     ("api",),
+    ("batch",),
     ("train", "ablate", "evaluate", "plan", "generate"),
 )
 LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}
