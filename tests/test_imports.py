@@ -13,6 +13,7 @@ PACKAGE = ROOT / "basenet_jax"
 # From the ground up: a module may import its own line and the lines above.
 LAYERS = (
     ("config", "atomic", "compilation", "weights_file"),
+    ("documents",),
     ("trigonometry",),
     ("geometry",),
     ("robot",),

@@ -8,11 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from basenet_jax.atomic import write_atomically
+from basenet_jax.documents.fields import DocumentError, convert, describe, field_error, shortest
+from basenet_jax.documents.text_files import read_json, to_json
 from basenet_jax.task.picking import Reason
 from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.task.plan_fields import ALLOWED, FORMAT, ArmFields, PlanFields, StepFields, TotalsFields
-from basenet_jax.world.documents import read_json, to_json
-from basenet_jax.world.fields import DocumentError, convert, describe, field_error, shortest
 from basenet_jax.world.scene import NamedScene
 
 REASONS = {reason.name.lower(): reason for reason in Reason if reason != Reason.NONE}

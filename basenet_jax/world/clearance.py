@@ -66,7 +66,7 @@ def capsules_touch(robot: Robot, base_pose: Vector, joints: Float[Array, "dof *b
         ]
         to_table = segment_box_distance(world[0], world[1], table_half)
         to_body = segment_box_distance(subtract(start, body_center), subtract(end, body_center), body_half)
-        return (frame, touches | (jnp.minimum(to_table, to_body) <= stage.radius)), None
+        return (frame, touches | (to_table <= stage.radius) | (to_body <= stage.body_radius)), None
 
     root = jax.tree.map(lambda x: jnp.broadcast_to(x, shape).astype(joints.dtype), mount_frame(robot))
     (_, touches), _ = jax.lax.scan(walk, (root, jnp.zeros(shape, bool)), _stages(robot, joints))
@@ -83,11 +83,13 @@ class _Stage(NamedTuple):
     start: Array
     end: Array
     radius: Array  # negative for a link without capsules: never touches
+    body_radius: Array  # likewise against the body box, where some capsules aren't tested
 
 
 def _stages(robot: Robot, joints: Float[Array, "dof *batch"]) -> _Stage:
     """The stages in order, stacked along a leading axis."""
-    rest, nowhere = jnp.zeros_like(joints[0]), jnp.zeros(3)
+    rest, nowhere, never = jnp.zeros_like(joints[0]), jnp.zeros(3), jnp.array(-1.0)
+    meets_body = robot.capsule_meets_body
     stages = []
     for link in range(len(joints) + 1):
         capsules = [index for index, owner in enumerate(robot.capsule_link) if owner == link]
@@ -102,7 +104,8 @@ def _stages(robot: Robot, joints: Float[Array, "dof *batch"]) -> _Stage:
                     slide=joint if first and sliding else rest,
                     start=nowhere if index is None else robot.capsule_start[index],
                     end=nowhere if index is None else robot.capsule_end[index],
-                    radius=jnp.array(-1.0) if index is None else robot.capsule_radius[index],
+                    radius=never if index is None else robot.capsule_radius[index],
+                    body_radius=robot.capsule_radius[index] if index is not None and meets_body[index] else never,
                 )
             )
     return jax.tree.map(lambda *leaves: jnp.stack(leaves), *stages)

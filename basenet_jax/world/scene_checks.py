@@ -6,9 +6,9 @@ import numpy as np
 from msgspec import UNSET
 
 from basenet_jax.config import PickConfig
+from basenet_jax.documents.fields import describe, field_error
 from basenet_jax.robot.reading import load_robot, packaged_robots
 from basenet_jax.world.clearance import base_collides
-from basenet_jax.world.fields import describe, field_error
 from basenet_jax.world.generate import footprint_radius
 from basenet_jax.world.scene import Table
 from basenet_jax.world.scene_fields import CLASSES, ObjectFields, RobotFields, SceneFields, make_table, size_of

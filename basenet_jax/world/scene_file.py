@@ -9,8 +9,9 @@ import msgspec
 import numpy as np
 
 from basenet_jax.atomic import write_atomically
-from basenet_jax.world.documents import read_json, read_yaml, to_json
-from basenet_jax.world.fields import DocumentError, convert, shortest
+from basenet_jax.documents.fields import DocumentError, convert, shortest
+from basenet_jax.documents.text_files import read_json, read_yaml, to_json
+from basenet_jax.documents.yaml_text import to_yaml
 from basenet_jax.world.scene import OBJECT_CLASSES, NamedScene, Scene
 from basenet_jax.world.scene_checks import check_scene
 from basenet_jax.world.scene_fields import (
@@ -26,7 +27,6 @@ from basenet_jax.world.scene_fields import (
     make_table,
     size_of,
 )
-from basenet_jax.world.yaml_text import to_yaml
 
 
 class SceneFileError(ValueError):

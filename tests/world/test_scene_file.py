@@ -11,7 +11,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from basenet_jax.world.documents import MAX_JSON_BYTES, MAX_YAML_BYTES
+from basenet_jax.documents.text_files import MAX_JSON_BYTES, MAX_YAML_BYTES
 from basenet_jax.world.generate import draw_scene
 from basenet_jax.world.naming import name_objects
 from basenet_jax.world.scene import MAX_OBJECTS, OBJECT_CLASSES, NamedScene, Table
