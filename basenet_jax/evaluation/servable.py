@@ -71,7 +71,7 @@ def serve(
         seed: of the order.
     """
     found = Served(len(grasps))
-    near = np.asarray(within_reach(robot, base_poses[None], grasps[:, None]))
+    near = np.asarray(within_reach(robot, jnp.asarray(base_poses[None]), jnp.asarray(grasps[:, None])))
     order = np.random.default_rng(seed).permuted(np.tile(np.arange(len(base_poses)), (len(grasps), 1)), axis=1)
     waiting = [[pose for pose in own if near[grasp, pose]] for grasp, own in enumerate(order)]
     while True:

@@ -53,11 +53,12 @@ class BaSeNet:
             aligned: the stops.
 
         Raises:
-            ValueError: the weights are missing, damaged or of other networks; the message names the file.
+            ValueError: the weights are missing, damaged, of other networks or for another robot; the message names
+                the file.
         """
         self._setup, self._samples = setup, setup.samples if sampled else 0
         self._policy = policy
-        self._params = load_policies(setup.weights).stops if params is None else params
+        self._params = load_policies(setup.weights, setup.robot.name).stops if params is None else params
         self._stops = jax.device_put(aligned_poses(setup.robot, setup.table, aligned, setup.world.pick))
         self._graph = self._graph_of(self._stops)
 

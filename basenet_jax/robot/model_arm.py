@@ -161,8 +161,8 @@ def _check_joints(model: mujoco.MjModel, names: list[str], found: list[int]) -> 
             raise field_error(f"joints[{index}]", "a joint of several degrees of freedom", "are hinges and slides")
         if not model.jnt_limited[joint] and np.any(model.jnt_range[joint]):
             low, high = model.jnt_range[joint]
-            found = f"the range {low:g} to {high:g} in the model, which limits nothing"
-            raise field_error(f"joints[{index}]", found, "are a range that is not empty, or none")
+            what = f"the range {low:g} to {high:g} in the model, which limits nothing"
+            raise field_error(f"joints[{index}]", what, "are a range that is not empty, or none")
         if kind == int(mujoco.mjtJoint.mjJNT_SLIDE) and not model.jnt_limited[joint]:
             raise field_error(f"joints[{index}]", "a slide without a range in the model", "are slides with one")
     return found

@@ -4,12 +4,14 @@
 # (MuJoCo's compiled module comes without type stubs.)
 
 import functools
+import hashlib
 import math
 import os
 from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import jax
 import mujoco
 import numpy as np
 
@@ -60,6 +62,16 @@ def load_robot(reference: str = DEFAULT_ROBOT) -> Robot:
         allowed = f"{', '.join(packaged_robots())}, or the path of a robot file ({', '.join(SUFFIXES)})"
         raise ValueError(f"robot: found {reference!r}, allowed are {allowed}")
     return read_robot(reference)
+
+
+def robot_digest(robot: Robot) -> str:
+    """SHA-256 of a robot's numbers and what else counts, to tell whether it is still the same."""
+    fixed = (robot.name, robot.joint_names, robot.prismatic, robot.capsule_link, robot.closed_form)
+    digest = hashlib.sha256(repr(fixed).encode())
+    for path, leaf in jax.tree_util.tree_leaves_with_path(robot):
+        values = np.asarray(leaf, "<f4")
+        digest.update(f"{jax.tree_util.keystr(path)} {values.shape}".encode() + values.tobytes())
+    return digest.hexdigest()
 
 
 def robot_name(reference: str) -> str:
@@ -114,8 +126,8 @@ def _own_capsules(file: RobotFile, model: mujoco.MjModel, arm: Arm) -> list[Caps
             body = int(model.body_parentid[body])
         link = link_of_body.get(body, 0)
         rotation, position = between(link_frames[link], frame)
-        ends = (rotation @ np.array(end) + position for end in (own.start, own.end))
-        capsules.append(Capsule(link, own.frame, Fit(*ends, own.radius)))
+        start, end = (rotation @ np.array(point) + position for point in (own.start, own.end))
+        capsules.append(Capsule(link, own.frame, Fit(start, end, own.radius)))
     return sorted(capsules, key=lambda capsule: capsule.link)
 
 

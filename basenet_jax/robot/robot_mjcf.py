@@ -43,7 +43,7 @@ def write_mjcf(robot: Robot, stays: Iterable[tuple[int, Fit]] = ()) -> str:
     for name, kind, axis in zip(BASE_JOINTS, ("slide", "slide", "hinge"), np.eye(3), strict=True):
         SubElement(base, "joint", name=name, type=kind, axis=_text(axis))
     _add_body_shapes(base, robot)
-    link = SubElement(base, "body", name=ARM_BASE, **_placed(robot.mount_rotation, robot.mount_position))
+    link = SubElement(base, "body", {"name": ARM_BASE} | _placed(robot.mount_rotation, robot.mount_position))
     shapes = dict(enumerate(zip(robot.capsule_link, _fits(robot), strict=True)))
     drawn = list(stays)
     for number in range(robot.dof + 1):
@@ -55,7 +55,7 @@ def write_mjcf(robot: Robot, stays: Iterable[tuple[int, Fit]] = ()) -> str:
             _add_capsule(link, name, fit)
         if number < robot.dof:
             link = _add_link(link, robot, number)
-    SubElement(link, "site", name=TOOL_SITE, size="0.01", **_placed(robot.tool_rotation, robot.tool_position))
+    SubElement(link, "site", {"name": TOOL_SITE} | _placed(robot.tool_rotation, robot.tool_position))
     return ElementTree.tostring(root, "unicode")
 
 
@@ -74,7 +74,7 @@ def _add_body_shapes(base: Element, robot: Robot) -> None:
 
 def _add_link(parent: Element, robot: Robot, joint: int) -> Element:
     placed = _placed(robot.joint_rotation[joint], robot.joint_position[joint])
-    link = SubElement(parent, "body", name=f"link {joint + 1}", **placed)
+    link = SubElement(parent, "body", {"name": f"link {joint + 1}"} | placed)
     limits = (robot.joint_lower[joint], robot.joint_upper[joint])
     kind = "slide" if robot.prismatic[joint] else "hinge"
     SubElement(link, "joint", name=robot.joint_names[joint], type=kind, axis="0 0 1", range=_text(limits))
