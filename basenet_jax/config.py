@@ -43,8 +43,11 @@ class PickConfig:
     max_descent_step_rad: float = 0.5  # per joint, between neighbouring waypoints
     swept_points: int = 7  # checked inside the moves home -> pre-grasp and pre-grasp -> stow
     refinements: int = 2  # damped-least-squares steps on closed-form waypoints
-    lattice_seeds: int = 64  # for an arm without a closed form
-    lattice_iterations: int = 40
+    lattice_seeds: int = 64  # of an arm without a closed form, for each way to hold the gripper
+    lattice_first_iterations: int = 8  # of all seeds, to see which lead somewhere
+    lattice_kept: int = 12  # of the seeds, those nearest to their goal
+    lattice_iterations: int = 16  # of these, to the pre-grasp
+    lattice_descent_iterations: int = 5  # from there to the grasp, and from each waypoint to the next
     chunk: int = 2048  # picks checked at a time at most; the largest arrays of a chunk fit a CPU core's cache
     smallest_chunk: int = 128  # of small batches
 

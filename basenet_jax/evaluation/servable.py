@@ -36,6 +36,7 @@ class Served:
         pick_time: by grasp, the time of that pick (s).
         farthest: by grasp, the `Reason` reached farthest by a pose that doesn't serve it.
         pairs: how many pairs were tried.
+        evaluations: how many were computed, with those that fill up batches.
     """
 
     def __init__(self, count: int):
@@ -43,7 +44,7 @@ class Served:
         self.base_pose: Float[np.ndarray, "N 3"] = np.zeros((count, 3), np.float32)
         self.pick_time: Float[np.ndarray, " N"] = np.zeros(count, np.float32)
         self.farthest = np.full(count, int(Reason.OUT_OF_REACH))
-        self.pairs = 0
+        self.pairs = self.evaluations = 0
 
     @property
     def share(self) -> float:
@@ -83,7 +84,7 @@ def serve(
         for grasp, _ in pairs:
             waiting[grasp].pop(0)
         grasp, pose = np.array(pairs).T
-        found.pairs += len(pairs)
+        found.pairs, found.evaluations = found.pairs + len(pairs), found.evaluations + _PAIRS_AT_ONCE
         filled = np.resize(np.arange(len(pairs)), _PAIRS_AT_ONCE)  # one shape, one program
         picked = _pick(robot, base_poses[pose[filled]], grasps[grasp[filled]], table, world)
         reason, time = (np.asarray(x)[: len(pairs)] for x in picked)

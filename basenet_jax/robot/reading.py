@@ -55,13 +55,18 @@ def load_robot(reference: str = DEFAULT_ROBOT) -> Robot:
     Raises:
         ValueError: there is no such robot, or (`RobotFileError`) its file is refused.
     """
+    return find_source(reference).robot
+
+
+def find_source(reference: str) -> Source:
+    """`load_robot` with what the robot was read from, anew each time."""
     if reference in packaged_robots():
         with resources.as_file(resources.files("basenet_jax.robot") / "assets") as assets:
-            return read_source(assets / f"{reference}.yaml", packaged=True).robot
+            return read_source(assets / f"{reference}.yaml", packaged=True)
     if not reference.lower().endswith(SUFFIXES):
         allowed = f"{', '.join(packaged_robots())}, or the path of a robot file ({', '.join(SUFFIXES)})"
         raise ValueError(f"robot: found {reference!r}, allowed are {allowed}")
-    return read_robot(reference)
+    return read_source(reference)
 
 
 def robot_digest(robot: Robot) -> str:
