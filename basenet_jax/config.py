@@ -21,8 +21,10 @@ class TableConfig:
 class NavigationConfig:
     """How the base drives from pose to pose."""
 
-    path_margin_m: float = 0.249  # the driven polyline stays out of the table grown by this
-    via_margin_m: float = 0.45  # via points: corners of the table grown by this
+    # The driven polyline stays out of the table grown by half the base's shorter side, less this: then every base pose
+    # that is clear of the table lies outside, whatever the robot (0.249 m for the packaged ones).
+    path_slack_m: float = 0.001
+    via_clearance_m: float = 0.20  # via points: corners of the table grown by half that side and this (0.45 m)
     straight: bool = False  # True: the paper's simplest reading, one drive and one turn through anything
     same_pose: float = 1e-6  # m or rad below which nothing is driven, and a segment has no direction
 

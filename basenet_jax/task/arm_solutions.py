@@ -38,11 +38,11 @@ class Solutions(NamedTuple):
     pregrasp: Float[Array, "dof K B"] | None  # None for robots with a closed form
 
 
-def solve(robot: Robot, picks: Picks, config: PickConfig) -> Solutions:
-    """Estimates every solution of every pick."""
+def solve(robot: Robot, picks: Picks, config: PickConfig, seeds: Float[Array, "seeds dof"] | None = None) -> Solutions:
+    """Estimates every solution of every pick; where there is no closed form, from seeds, by default a `lattice`."""
     if robot.closed_form == "ur":
         return _solve_closed_form(robot, picks, config)
-    return _solve_lattice(robot, picks, config)
+    return _solve_from_seeds(robot, picks, config, lattice(robot, config.lattice_seeds) if seeds is None else seeds)
 
 
 def waypoints(
@@ -119,11 +119,11 @@ def _solve_closed_form(robot: Robot, picks: Picks, config: PickConfig) -> Soluti
     return Solutions(jax.lax.map(estimate, jnp.arange(ur.BRANCHES)).reshape(-1, batch), None)
 
 
-def _solve_lattice(robot: Robot, picks: Picks, config: PickConfig) -> Solutions:
+def _solve_from_seeds(robot: Robot, picks: Picks, config: PickConfig, joints: Float[Array, "seeds dof"]) -> Solutions:
     """All seeds take some steps towards the pre-grasp; those that come nearest go on to it, and down to the grasp."""
     (batch,) = picks.grasp[0].shape
-    count, kept = config.lattice_seeds, min(config.lattice_kept, config.lattice_seeds)
-    seeds = jnp.asarray(lattice(robot, count).T, picks.grasp[0].dtype)
+    count, kept = len(joints), min(config.lattice_kept, len(joints))
+    seeds = jnp.asarray(joints.T, picks.grasp[0].dtype)
     turn = jnp.arange(turns(config))[:, None] * jnp.pi
 
     def targets(height: float, solutions: int) -> Frame:
