@@ -20,7 +20,7 @@ from jaxtyping import PRNGKeyArray
 
 from basenet_jax.planners import registry
 from basenet_jax.planners.protocol import Planner, PlannerSetup
-from basenet_jax.robot.reading import load_robot
+from basenet_jax.robot.reading import DEFAULT_ROBOT, load_robot
 from basenet_jax.task import plan as judge
 from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.world.generate import draw_scene
@@ -30,17 +30,17 @@ from basenet_jax.world.scene import MAX_OBJECTS, NamedScene, Scene, Table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_DEFAULT_ROBOT = "ur5e_mobile"
 _execute = jax.jit(judge.execute)
 _draw_scene = jax.jit(draw_scene, static_argnames="slots")
 
 
-def sample_scene(key: PRNGKeyArray, *, objects: int = 10) -> NamedScene:
+def sample_scene(key: PRNGKeyArray, *, objects: int = 10, robot: str = DEFAULT_ROBOT) -> NamedScene:
     """A random scene, objects named `mug_1` and so on.
 
     Args:
         key: consumed.
         objects: their number, 1 to 50.
+        robot: a packaged one's name, or the path of a robot file.
 
     Raises:
         ValueError: the number is out of range, or so many objects found no place on the table (try another key).
@@ -50,7 +50,7 @@ def sample_scene(key: PRNGKeyArray, *, objects: int = 10) -> NamedScene:
     arrays, placed = _draw_scene(key, objects, Table.from_config(), slots=objects)
     if not bool(placed):
         raise ValueError(f"objects: found {objects}, which found no place on the table; draw another scene, or fewer")
-    return name_objects(arrays, _DEFAULT_ROBOT)
+    return name_objects(arrays, robot)
 
 
 def make_plan(
@@ -65,7 +65,7 @@ def make_plan(
     """Plans one scene: where the robot parks, and in which order it picks.
 
     Args:
-        scene: unbatched.
+        scene: unbatched; planned for its robot, or without one for `ur5e_mobile`.
         planner: pbg, pbg-gc, mbp, mbp-gc, dp, greedy-stops, refined, basenet-paper, basenet or basenet-sample.
         weights: a file of the learned planners' weights; by default those shipped with the package.
         budget_s: how long an anytime planner (refined) goes on for a better plan; its first one it always finishes.
@@ -198,7 +198,7 @@ def _slot(scene: NamedScene | Scene, which: str | int) -> int:
 
 
 def _robot_name(scene: NamedScene | Scene) -> str:
-    return scene.robot if isinstance(scene, NamedScene) else _DEFAULT_ROBOT
+    return scene.robot if isinstance(scene, NamedScene) else DEFAULT_ROBOT
 
 
 def _arrays(scene: NamedScene | Scene) -> Scene:

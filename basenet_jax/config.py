@@ -21,8 +21,10 @@ class TableConfig:
 class NavigationConfig:
     """How the base drives from pose to pose."""
 
-    path_margin_m: float = 0.249  # the driven polyline stays out of the table grown by this
-    via_margin_m: float = 0.45  # via points: corners of the table grown by this
+    # The driven polyline stays out of the table grown by half the base's shorter side, less this: then every base pose
+    # that is clear of the table lies outside, whatever the robot (0.249 m for the packaged ones).
+    path_slack_m: float = 0.001
+    via_clearance_m: float = 0.20  # via points: corners of the table grown by half that side and this (0.45 m)
     straight: bool = False  # True: the paper's simplest reading, one drive and one turn through anything
     same_pose: float = 1e-6  # m or rad below which nothing is driven, and a segment has no direction
 
@@ -43,8 +45,11 @@ class PickConfig:
     max_descent_step_rad: float = 0.5  # per joint, between neighbouring waypoints
     swept_points: int = 7  # checked inside the moves home -> pre-grasp and pre-grasp -> stow
     refinements: int = 1  # damped-least-squares steps on closed-form waypoints
-    lattice_seeds: int = 64  # for an arm without a closed form
-    lattice_iterations: int = 40
+    lattice_seeds: int = 64  # of an arm without a closed form, for each way to hold the gripper
+    lattice_first_iterations: int = 8  # of all seeds, to see which lead somewhere
+    lattice_kept: int = 12  # of the seeds, those nearest to their goal
+    lattice_iterations: int = 16  # of these, to the pre-grasp
+    lattice_descent_iterations: int = 5  # from there to the grasp, and from each waypoint to the next
     chunk: int = 2048  # picks checked at a time at most; the largest arrays of a chunk fit a CPU core's cache
     smallest_chunk: int = 128  # of small batches
 

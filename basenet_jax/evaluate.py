@@ -27,6 +27,8 @@ class Arguments:
     """Names of planners, or all."""
     scene_dir: Path | None = None
     """Folder of scene files to use instead of random scenes."""
+    robot: str | None = None
+    """A packaged robot's name or the path of a robot file. Default: ur5e_mobile, or what the scene files name."""
     seed: int = 0
     """Of the random scenes, and of planners that draw random numbers."""
     repeats: int = 3

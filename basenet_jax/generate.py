@@ -29,6 +29,8 @@ class Arguments:
     """Number of scenes, 1 to 100000."""
     seed: int = 0
     """Of the random scenes, 0 to 4294967295."""
+    robot: str = "ur5e_mobile"
+    """The robot that the scenes name: a packaged one, or the path of a robot file."""
     overwrite: bool = False
     """Replace scene files of the same names."""
 
@@ -70,14 +72,20 @@ def _generate(options: Arguments) -> int:
     from basenet_jax.api import sample_scene
     from basenet_jax.compilation import enable_cache
     from basenet_jax.learning.progress import make_reporter
+    from basenet_jax.robot.reading import load_robot
     from basenet_jax.world.scene_file import save_scene
 
     enable_cache()
+    try:
+        load_robot(options.robot)
+    except ValueError as error:
+        return _fail(2, str(error))
     key, reporter, shown, begin = jax.random.key(options.seed), make_reporter(), False, time.monotonic()
     index = 0
     try:
         for index, name in enumerate(names):
-            save_scene(options.out / name, sample_scene(jax.random.fold_in(key, index), objects=options.objects))
+            own = jax.random.fold_in(key, index)
+            save_scene(options.out / name, sample_scene(own, objects=options.objects, robot=options.robot))
             if not shown and time.monotonic() - begin > _QUIET_S:
                 reporter.start("scenes", options.count, index, unit="scenes")
                 shown = True

@@ -33,6 +33,8 @@ class Arguments:
     """Where to write the plan, as JSON (m, rad, s). Default: it is only printed."""
     planner: str = "basenet"
     """pbg, pbg-gc, mbp, mbp-gc, dp, greedy-stops, refined, basenet-paper, basenet or basenet-sample."""
+    robot: str | None = None
+    """A packaged robot's name or the path of a robot file, instead of the robot that the scene names."""
     weights: Path | None = None
     """Of the learned planners, as training writes them; the others need none. Default: the packaged ones."""
     budget: float = 0.0
@@ -75,7 +77,9 @@ def _plan(options: Arguments) -> int:
             check_output_file("--out", options.out)
         if options.picture:
             check_output_file("--picture", options.picture, (".png", ".pdf", ".svg"))
-        scene = load_scene(options.scene)
+        scene = load_scene(options.scene, robot=options.robot)
+        if scene.written_for:
+            print(f"basenet_jax.plan: {options.scene} names the robot {scene.written_for}, not this", file=sys.stderr)
         setup, planner = planner_for(scene, options.planner, options.weights, options.budget, options.samples)
     except ValueError as error:
         return _fail(2, str(error))

@@ -28,6 +28,8 @@ class Arguments:
     """Where to write. Default: runs/PRESET-SEED-TIME."""
     resume: bool = False
     """Continue the run in --run-dir."""
+    robot: str = "ur5e_mobile"
+    """A packaged robot (panda_mobile, ur10e_mobile, ur3e_mobile, ur5e_mobile), or the path of a robot file."""
     layer: Literal["base-pose", "sequence", "stops", "all"] = "all"
     """What to train; sequence needs the base-pose weights of the run directory."""
 
@@ -52,15 +54,23 @@ def _train(options: Arguments) -> int:
     from basenet_jax.learning.run_directory import RunDirectory, default_path
     from basenet_jax.learning.training import Training
     from basenet_jax.learning.training_loop import Interrupted, TrainingDiverged
+    from basenet_jax.robot.reading import load_robot, packaged_robots, robot_digest
 
     enable_cache()
-    config = make_preset(options.preset, objects=options.objects, seed=options.seed)
+    try:
+        robot = load_robot(options.robot)
+    except ValueError as error:
+        return _fail(2, str(error))
+    digest = None if robot.name in packaged_robots() else robot_digest(robot)
+    config = make_preset(
+        options.preset, objects=options.objects, seed=options.seed, robot=robot.name, robot_digest=digest
+    )
     path = options.run_dir or default_path(options.preset, options.seed)
     reporter = make_reporter()
     try:
         with RunDirectory(path, config, resume=options.resume) as run:
             reporter.note(f"run directory: {path}")
-            training = Training(config)
+            training = Training(config, robot)
             weights = training.train(run, reporter, layer=options.layer, resume=options.resume)
             reporter.stage("evaluating ...")
             summary = summarise(training, weights)
@@ -68,7 +78,7 @@ def _train(options: Arguments) -> int:
             print_summary(summary)
     except Interrupted as interrupted:
         command = f"python -m basenet_jax.train --objects {options.objects} --preset {options.preset}"
-        command += f" --seed {options.seed} --layer {options.layer} --run-dir {path} --resume"
+        command += f" --seed {options.seed} --robot {options.robot} --layer {options.layer} --run-dir {path} --resume"
         return _fail(130, f"{interrupted.layer}: interrupted; to resume:\n{command}")
     except (CheckpointError, TrainingDiverged) as error:
         return _fail(1, str(error))

@@ -13,6 +13,7 @@ PACKAGE = ROOT / "basenet_jax"
 # From the ground up: a module may import its own line and the lines above.
 LAYERS = (
     ("config", "atomic", "compilation", "weights_file"),
+    ("documents",),
     ("trigonometry",),
     ("geometry",),
     ("robot",),
@@ -25,7 +26,7 @@ LAYERS = (
     ("plots",),
     ("api",),
     ("batch",),
-    ("train", "ablate", "evaluate", "plan", "generate"),
+    ("train", "ablate", "evaluate", "plan", "generate", "__main__"),
 )
 LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}
 
@@ -34,8 +35,8 @@ MACHINE_PATH = re.compile(r"(?<![\w.])[/](?:home|root|work|tmp|Users|mnt|var/fol
 
 
 def part_of(module: str) -> str:
-    """`robot` for `basenet_jax.robot.model`."""
-    return [*module.split("."), ""][1]
+    """`robot` for `basenet_jax.robot.model`; a package's `__main__` is a command."""
+    return "__main__" if module.endswith(".__main__") else [*module.split("."), ""][1]
 
 
 def imported_modules(tree: ast.AST, package: str):

@@ -12,7 +12,7 @@ from basenet_jax.learning.config import ReinforceConfig, SacConfig, StopLearning
 CACHE = Path(__file__).parents[1] / ".jax_cache"
 
 
-def tiny_preset(preset, *, objects, seed):
+def tiny_preset(preset, *, objects, seed, robot="ur5e_mobile", robot_digest=None):
     sac = SacConfig(
         hidden=(32, 32),
         episodes_per_iteration=64,
@@ -51,6 +51,8 @@ def tiny_preset(preset, *, objects, seed):
     return TrainConfig(
         preset=preset,
         seed=seed,
+        robot=robot,
+        robot_digest=robot_digest,
         sac=sac,
         reinforce=reinforce,
         stops=stops,

@@ -12,7 +12,7 @@ from basenet_jax.evaluation import provenance
 from basenet_jax.evaluation.planning import Planners, choose_planners
 from basenet_jax.evaluation.scene_sets import SceneSet, load_sets, random_set
 from basenet_jax.planners.protocol import PlannerSetup
-from basenet_jax.robot.reading import load_robot
+from basenet_jax.robot.reading import DEFAULT_ROBOT, load_robot
 from basenet_jax.world.scene import MAX_OBJECTS
 
 DEFAULT_OBJECTS, DEFAULT_SCENES = (5, 10), 50
@@ -30,6 +30,7 @@ class Request:
     seed: int
     repeats: int
     weights: Path | None
+    robot: str | None = None
     budget: float = 0.0
     samples: int = 256
 
@@ -54,6 +55,7 @@ def prepare(request: Request, arguments: list[str]) -> tuple[Planners, list[Scen
     about = {
         "command": provenance.command("basenet_jax.evaluate", arguments),
         "scenes": source,
+        "robot": setup.robot.name,
         "seed": request.seed,
         "repeats": request.repeats,
         "weights": provenance.weights_fingerprint(request.weights),
@@ -72,13 +74,13 @@ def _scenes(request: Request) -> tuple[PlannerSetup, list[SceneSet], str]:
         "budget_s": request.budget,
     }
     if request.scene_dir is not None:
-        robot, sets = load_sets(request.scene_dir)
+        robot, sets = load_sets(request.scene_dir, request.robot)
         return (
             PlannerSetup(robot=jax.device_put(load_robot(robot)), **options),
             sets,
             f"{sum(map(len, sets))} files of {request.scene_dir.name}",
         )
-    setup = PlannerSetup(**options)
+    setup = PlannerSetup(robot=jax.device_put(load_robot(request.robot or DEFAULT_ROBOT)), **options)
     count, objects = request.scenes or DEFAULT_SCENES, tuple(dict.fromkeys(request.objects or DEFAULT_OBJECTS))
     sets = [random_set(number, count, seed=request.seed, world=setup.world) for number in objects]
     numbers = " / ".join(map(str, objects))

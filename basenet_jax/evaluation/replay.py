@@ -16,13 +16,12 @@ from jaxtyping import Float, Int
 
 from basenet_jax.config import PickConfig, WorldConfig
 from basenet_jax.robot.model import Robot
+from basenet_jax.robot.robot_mjcf import TOOL_SITE
 from basenet_jax.task.arm_solutions import heights
 from basenet_jax.task.picking import Reason, checked_fractions
 from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.world.mujoco_scene import ROBOT, MujocoChecker, state_addresses
 from basenet_jax.world.scene import Scene, Table
-
-TOOL_SITE = "tool0"  # of the robot's MJCF: the flange, whose pose a grasp prescribes
 
 # tool0 at yaw 0 of a top-down grasp, Rx(pi): x along W's x, z down.
 _POINTING_DOWN = np.diag([1.0, -1.0, -1.0])
@@ -32,12 +31,9 @@ class PickReplay:
     """Replays picks on one table: rules 1, 4 and 2 as MuJoCo sees them.
 
     Args:
-        robot: the robot; its MJCF has a site "tool0".
+        robot: the robot.
         table: one concrete table.
         config: heights, clearances and tolerances of the pick cycle.
-
-    Raises:
-        ValueError: the MJCF has no such site.
     """
 
     def __init__(self, robot: Robot, table: Table, config: PickConfig = PickConfig()):
@@ -45,9 +41,7 @@ class PickReplay:
         self._config = config
         self._home, self._stow = np.asarray(robot.home, float), np.asarray(robot.stow, float)
         self._addresses = state_addresses(robot, self._checker.model)
-        self._site = mujoco.mj_name2id(self._checker.model, mujoco.mjtObj.mjOBJ_SITE, ROBOT + TOOL_SITE)
-        if self._site < 0:
-            raise ValueError(f"{robot.name}: its MJCF has no site {TOOL_SITE!r}, which the replay needs")
+        self._site = self._checker.model.site(ROBOT + TOOL_SITE).id
 
     def broken_rule(
         self,

@@ -47,8 +47,12 @@ def random_set(objects: int, count: int, *, seed: int, world: WorldConfig = Worl
     return SceneSet(tuple(map(str, range(count))), random_scenes(key, objects, count, world))
 
 
-def load_sets(folder: Path) -> tuple[str, list[SceneSet]]:
-    """All scene files directly in a folder, by increasing number of objects, and the robot that they are for.
+def load_sets(folder: Path, robot: str | None = None) -> tuple[str, list[SceneSet]]:
+    """All scene files directly in a folder, by increasing number of objects, and the robot to plan for.
+
+    Args:
+        folder: of the files.
+        robot: to use instead of the one that the files name, as for `load_scene`.
 
     Raises:
         ValueError: there are none, one is refused (a `SceneFileError`), or they are for different robots.
@@ -58,7 +62,7 @@ def load_sets(folder: Path) -> tuple[str, list[SceneSet]]:
     paths = sorted(path for path in folder.iterdir() if path.suffix in SUFFIXES)
     if not paths:
         raise ValueError(f"{folder}: found no scene files, which end in {', '.join(SUFFIXES)}")
-    named = [load_scene(path) for path in paths]
+    named = [load_scene(path, robot=robot) for path in paths]
     robots = sorted({scene.robot for scene in named})
     if len(robots) > 1:
         raise ValueError(f"{folder}: found scenes for {', '.join(robots)}; an evaluation has one robot")

@@ -105,7 +105,8 @@ class TrainConfig:
 
     preset: Preset = "default"
     seed: int = 0
-    robot: str = "ur5e_mobile"
+    robot: str = "ur5e_mobile"  # its name
+    robot_digest: str | None = None  # of one that isn't packaged: a run goes on only with the robot it began with
     world: WorldConfig = field(default_factory=WorldConfig)
     sac: SacConfig = field(default_factory=SacConfig)
     reinforce: ReinforceConfig = field(default_factory=ReinforceConfig)
@@ -114,7 +115,9 @@ class TrainConfig:
     evaluation_scenes: int = 50
 
 
-def make_preset(preset: Preset, *, objects: int, seed: int) -> TrainConfig:
+def make_preset(
+    preset: Preset, *, objects: int, seed: int, robot: str = "ur5e_mobile", robot_digest: str | None = None
+) -> TrainConfig:
     """The configuration of a preset.
 
     quick: all layers in a few minutes on two CPU cores. default: good policies in under 40 minutes there.
@@ -131,6 +134,8 @@ def make_preset(preset: Preset, *, objects: int, seed: int) -> TrainConfig:
         preset: its name.
         objects: training draws 1 to this many.
         seed: of everything random.
+        robot: its name.
+        robot_digest: see `TrainConfig`.
     """
     stops = StopLearningConfig(objects=objects)
     if preset == "quick":
@@ -142,4 +147,6 @@ def make_preset(preset: Preset, *, objects: int, seed: int) -> TrainConfig:
     else:
         sac = SacConfig(own_class_share=0.0, final_learning_rate_share=1.0, final_target_entropy=-4.0, intervals=120)
         reinforce = ReinforceConfig(objects=objects, own_class_share=0.0, final_learning_rate_share=1.0)
-    return TrainConfig(preset=preset, seed=seed, sac=sac, reinforce=reinforce, stops=stops)
+    return TrainConfig(
+        preset=preset, seed=seed, robot=robot, robot_digest=robot_digest, sac=sac, reinforce=reinforce, stops=stops
+    )

@@ -36,10 +36,15 @@ class Trained(NamedTuple):
 class Training:
     """One training: its configuration, and the learners made from it."""
 
-    def __init__(self, config: TrainConfig):
-        """Loads the robot; compiles nothing yet."""
+    def __init__(self, config: TrainConfig, robot: Robot | None = None):
+        """Compiles nothing yet.
+
+        Args:
+            config: of everything.
+            robot: one that isn't packaged; by default the packaged one that the configuration names.
+        """
         self.config = config
-        self.robot: Robot = jax.device_put(load_robot(config.robot))
+        self.robot: Robot = jax.device_put(load_robot(config.robot) if robot is None else robot)
         self.base_pose_key, self.sequence_key, self.stops_key = jax.random.split(jax.random.key(config.seed), 3)
         env = BasePoseEnv(
             self.robot,

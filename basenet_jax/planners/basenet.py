@@ -57,10 +57,11 @@ class BaSeNet:
             aligned: the stops.
 
         Raises:
-            ValueError: the weights are missing, damaged or of other networks; the message names the file.
+            ValueError: the weights are missing, damaged, of other networks or for another robot; the message names
+                the file.
         """
         self._setup = setup
-        params = load_policies(setup.weights).stops if params is None else params
+        params = load_policies(setup.weights, setup.robot.name).stops if params is None else params
         self._made_for = _MadeFor(setup.robot, setup.table, params)
         self._program = _Program(policy, setup.samples if sampled else 0, setup.world)
         stops = jax.device_put(aligned_poses(setup.robot, setup.table, aligned, setup.world.pick))

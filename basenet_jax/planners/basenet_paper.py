@@ -17,12 +17,12 @@ class BaSeNetPaper:
     """Plans by both learned policies.
 
     Raises:
-        ValueError: the weights are missing, damaged or of other networks; the message names the file.
+        ValueError: the weights are missing, damaged, of other networks or for another robot; the message names them.
     """
 
     def __init__(self, setup: PlannerSetup):
         self._robot, self._world = setup.robot, setup.world
-        self._weights = load_policies(setup.weights)
+        self._weights = load_policies(setup.weights, setup.robot.name)
 
     def __call__(self, scene: Scene, key: Array) -> Plan:
         """See `Planner`; the key is ignored."""

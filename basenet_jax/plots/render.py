@@ -23,11 +23,11 @@ from basenet_jax.atomic import write_atomically
 from basenet_jax.config import PickConfig
 from basenet_jax.plots.motion import Motion, plan_motion
 from basenet_jax.robot.model import Robot
+from basenet_jax.robot.robot_mjcf import TOOL_SITE
 from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.world.mujoco_scene import PARKED, ROBOT, scene_model, state_addresses
 from basenet_jax.world.scene import Scene
 
-TOOL_SITE = "tool0"
 _ELEVATION = -32.0  # degrees, of the camera's axis
 _ALONG_THE_TABLE = 115.0  # degrees, the direction in which the video's camera looks
 

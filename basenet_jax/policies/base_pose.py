@@ -19,7 +19,8 @@ OBSERVATION_SIZE = 15
 BaseFrame = Literal["object", "table"]
 
 # Half-widths (m) of the rectangle that the policy can place the base in: around the grasp (a UR5e reaches 0.95 m and
-# stands 0.34 m from its base's centre), or around the table.
+# stands 0.34 m from its base's centre; a longer arm gains nothing by more: from the middle of a table 0.8 m wide even
+# a base of 1 m is clear at 1.0 m), or around the table.
 _OBJECT_FRAME_REACH = (1.4, 1.4)
 _TABLE_FRAME_REACH = (2.2, 1.6)
 

@@ -11,6 +11,7 @@ from basenet_jax.policies.base_pose import BasePosePolicy, untrained_policy
 from basenet_jax.policies.grasp_sequence import GraspSequencePolicy
 from basenet_jax.policies.stop_policy import StopGraph, StopPolicy, make_scene
 from basenet_jax.policies.stop_rollout import start
+from basenet_jax.robot.reading import DEFAULT_ROBOT
 from basenet_jax.weights_file import load_weights
 
 PACKAGED = "default.weights"
@@ -25,17 +26,35 @@ class Weights(NamedTuple):
     stops: Any  # parameters of `StopPolicy`
 
 
-def load_policies(path: Path | None = None) -> Weights:
+def load_policies(path: Path | None = None, robot: str = DEFAULT_ROBOT) -> Weights:
     """Trained policies of the presets' sizes; by default those shipped with the package.
 
+    Args:
+        path: of a run's `basenet.weights`.
+        robot: name of the robot that they have to be trained for.
+
     Raises:
-        ValueError: the file is missing, damaged or holds other networks' weights; the message names it.
+        ValueError: the file is missing or damaged, or holds the weights of other networks or for another robot; the
+            message names it.
     """
     like = jax.eval_shape(lambda: Weights(untrained_policy(_HIDDEN), untrained_sequence(), untrained_stops()))
     if path is not None:
-        return load_weights(path, like)[0]
+        weights, metadata = load_weights(path, like)
+        _check_robot(str(path), metadata, robot)
+        return weights
     with as_file(files("basenet_jax.policies") / "weights" / PACKAGED) as packaged:
-        return load_weights(packaged, like)[0]
+        weights, metadata = load_weights(packaged, like)
+        _check_robot("the weights shipped with the package", metadata, robot)
+        return weights
+
+
+def _check_robot(source: str, metadata: dict[str, Any], robot: str) -> None:
+    if metadata.get("robot") != robot:
+        raise ValueError(
+            f"{source}: found weights for the robot {metadata.get('robot')!r}, needed are some for {robot!r}:"
+            " train them (python -m basenet_jax.train --robot) and give the run's weights/basenet.weights as --weights,"
+            " or take a planner that needs none: pbg, pbg-gc, mbp, mbp-gc, dp, greedy-stops, refined"
+        )
 
 
 def untrained_sequence(network: GraspSequencePolicy = GraspSequencePolicy()) -> Any:

@@ -1,4 +1,4 @@
-"""The robot as one frozen pytree, made by `robot.reading` from its MJCF and its robot file."""
+"""The robot as one frozen pytree, made by `robot.reading` from its robot file and the model that this names."""
 
 from flax import struct
 from jax import Array
@@ -38,13 +38,16 @@ class Robot:
     base_acceleration: Float[Array, "2"]  # m/s^2, rad/s^2
     deck: Float[Array, "4"]  # centre x, y and size x, y in frame b
     name: str = struct.field(pytree_node=False)
-    model_path: str = struct.field(pytree_node=False)
+    model_xml: str = struct.field(pytree_node=False)  # the whole robot as MJCF in primitive shapes: `robot_mjcf`
     joint_names: tuple[str, ...] = struct.field(pytree_node=False)
     prismatic: tuple[bool, ...] = struct.field(pytree_node=False)
-    capsule_link: tuple[int, ...] = struct.field(pytree_node=False)  # 0: the arm's base, i: after joint i
-    capsule_geoms: tuple[str, ...] = struct.field(pytree_node=False)  # their names in the MJCF
-    body_geom: str = struct.field(pytree_node=False)  # the body box's
+    capsule_link: tuple[int, ...] = struct.field(pytree_node=False)  # i: after joint i; in increasing order
     closed_form: str | None = struct.field(pytree_node=False)
+
+    @property
+    def capsule_meets_body(self) -> tuple[bool, ...]:
+        """Which capsules are tested against the body box: all but those of link 1, which always stands next to it."""
+        return tuple(link > 1 for link in self.capsule_link)
 
     @property
     def dof(self) -> int:

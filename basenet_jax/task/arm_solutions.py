@@ -38,11 +38,11 @@ class Solutions(NamedTuple):
     pregrasp: Float[Array, "dof K B"] | None  # None for robots with a closed form
 
 
-def solve(robot: Robot, picks: Picks, config: PickConfig) -> Solutions:
-    """Estimates every solution of every pick."""
+def solve(robot: Robot, picks: Picks, config: PickConfig, seeds: Float[Array, "seeds dof"] | None = None) -> Solutions:
+    """Estimates every solution of every pick; where there is no closed form, from seeds, by default a `lattice`."""
     if robot.closed_form == "ur":
         return _solve_closed_form(robot, picks, config)
-    return _solve_lattice(robot, picks, config)
+    return _solve_from_seeds(robot, picks, config, lattice(robot, config.lattice_seeds) if seeds is None else seeds)
 
 
 def waypoints(
@@ -119,24 +119,38 @@ def _solve_closed_form(robot: Robot, picks: Picks, config: PickConfig) -> Soluti
     return Solutions(jax.lax.map(estimate, jnp.arange(ur.BRANCHES)).reshape(-1, batch), None)
 
 
-def _solve_lattice(robot: Robot, picks: Picks, config: PickConfig) -> Solutions:
+def _solve_from_seeds(robot: Robot, picks: Picks, config: PickConfig, joints: Float[Array, "seeds dof"]) -> Solutions:
+    """All seeds take some steps towards the pre-grasp; those that come nearest go on to it, and down to the grasp."""
     (batch,) = picks.grasp[0].shape
-    shape = (config.lattice_seeds, turns(config), batch)
-    seeds = jnp.asarray(lattice(robot, config.lattice_seeds).T, picks.grasp[0].dtype)
-    start = jnp.broadcast_to(seeds[:, :, None, None], (robot.dof, *shape))
+    count, kept = len(joints), min(config.lattice_kept, len(joints))
+    seeds = jnp.asarray(joints.T, picks.grasp[0].dtype)
     turn = jnp.arange(turns(config))[:, None] * jnp.pi
-    above, below = (
-        jax.tree.map(lambda x: jnp.broadcast_to(x, shape), tool_target(robot, picks, height, turn))
-        for height in (config.pregrasp_height_m, 0.0)
-    )
+
+    def targets(height: float, solutions: int) -> Frame:
+        target = tool_target(robot, picks, height, turn)
+        return jax.tree.map(lambda x: jnp.broadcast_to(x, (solutions, turns(config), batch)), target)
+
+    start = jnp.broadcast_to(seeds[:, :, None, None], (robot.dof, count, turns(config), batch))
+    above, below = targets(config.pregrasp_height_m, count), targets(0.0, kept)
+    start = damped_least_squares(robot, above, start, config.lattice_first_iterations)
+    start = _nearest(robot, above, start, kept)
+    above = targets(config.pregrasp_height_m, kept)
     pregrasp = damped_least_squares(robot, above, start, config.lattice_iterations)
     pregrasp, inside = _nearest_equivalents(robot, tuple(pregrasp), tuple(robot.home))
-    grasp = damped_least_squares(robot, below, jnp.stack(pregrasp), config.lattice_iterations // 4)
+    grasp = damped_least_squares(robot, below, jnp.stack(pregrasp), config.lattice_descent_iterations)
     grasp, grasp_inside = _nearest_equivalents(robot, tuple(grasp), pregrasp)
     reached = _reached(robot, above, pregrasp, config) & _reached(robot, below, grasp, config)
     duration = cycle_duration(robot, pregrasp, grasp, config)
     estimate = jnp.where(inside & grasp_inside & reached, duration, jnp.inf)
     return Solutions(estimate.reshape(-1, batch), jnp.stack(pregrasp).reshape(robot.dof, -1, batch))
+
+
+def _nearest(robot: Robot, target: Frame, joints: Float[Array, "dof K T B"], kept: int) -> Float[Array, "dof S T B"]:
+    """Of the K joint vectors of each pick and turn, those with the least error: m and rad count alike."""
+    position_error, orientation_error = residual(robot, target, joints)
+    error = jnp.moveaxis(position_error + orientation_error, 0, -1)
+    _, index = jax.lax.top_k(-error, kept)
+    return jnp.take_along_axis(joints, jnp.moveaxis(index, -1, 0)[None], axis=1)
 
 
 def lattice(robot: Robot, count: int) -> Float[Array, "count dof"]:
@@ -162,7 +176,7 @@ def _descend(
     rows = [pregrasp]
     for row in range(1, len(heights(config))):
         below = jax.tree.map(lambda x, row=row: x[row] if x.ndim == 2 and len(x) > 1 else x, target)
-        rows.append(damped_least_squares(robot, below, rows[-1], config.lattice_iterations // 8))
+        rows.append(damped_least_squares(robot, below, rows[-1], config.lattice_descent_iterations))
     return jnp.stack(rows, axis=1)
 
 

@@ -33,10 +33,10 @@ def navigation_time(
 
     The base turns, drives and turns along a polyline (straight, or over one or two adjacent via points, corners of
     the grown table), all forward or all in reverse, stopping at every corner; each part is a trapezoidal profile.
-    The polyline may not enter the open rectangle "table grown by the path margin".
+    The polyline may not enter the open rectangle "table grown by half the base's shorter side, less a slack".
 
     Args:
-        robot: its base's speeds and accelerations count.
+        robot: its base's sides, speeds and accelerations count.
         start: pose (x, y, heading) in W.
         goal: likewise.
         table: the table.
@@ -75,7 +75,7 @@ def navigation_path(
     duration, corners = min(((float(time), corners) for time, corners in ways), key=lambda way: way[0])
     if not np.isfinite(duration):
         raise ValueError(f"goal: {np.asarray(goal).tolist()} can't be reached from {np.asarray(start).tolist()}")
-    half = np.asarray(table.half_size) + config.via_margin_m
+    half = np.asarray(table.half_size) + np.min(np.asarray(robot.footprint_half_size)) + config.via_clearance_m
     return np.stack([ends[0], *(_CORNERS[corner] * half for corner in corners), ends[1]])
 
 
@@ -105,7 +105,7 @@ class _Ways(NamedTuple):
 
 def _over_vias(robot: Robot, p: Vector, q: Vector, table: Table, config: NavigationConfig) -> tuple[_Leg, _Leg, _Leg]:
     """The legs from p to each via point, from each via point to the next one round the table, and from each to q."""
-    half = table.half_size + config.via_margin_m
+    half = table.half_size + (jnp.min(robot.footprint_half_size) + config.via_clearance_m)
     corners = _CORNERS.reshape(4, *(1,) * max(p[0].ndim, q[0].ndim, half.ndim - 1), 2)
     vias = (corners[..., 0] * half[..., 0], corners[..., 1] * half[..., 1])
     following = tuple(jnp.roll(via, -1, axis=0) for via in vias)
@@ -167,7 +167,7 @@ def _leg(
     return _Leg(
         direction=atan2(along[1], along[0]),
         duration=trapezoid_duration(length, robot.base_speed[0], robot.base_acceleration[0]),
-        free=_stays_out(start, end, table.half_size + config.path_margin_m),
+        free=_stays_out(start, end, table.half_size + (jnp.min(robot.footprint_half_size) - config.path_slack_m)),
         short=length <= config.same_pose,
     )
 

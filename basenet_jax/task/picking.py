@@ -57,6 +57,8 @@ def pick(
     table: Table,
     config: PickConfig = PickConfig(),
     arm_check: ArmCheck = capsules_touch,
+    *,
+    seeds: Float[Array, "seeds dof"] | None = None,
 ) -> Pick:
     """Whether and how fast objects are picked from base poses.
 
@@ -69,6 +71,7 @@ def pick(
         table: one for the whole batch, or one per pick.
         config: heights, tolerances and durations of the cycle.
         arm_check: tests joint states for collision.
+        seeds: joints that the search for solutions begins at where there is no closed form; by default a lattice's.
     """
     batch = jnp.broadcast_shapes(base_pose.shape[:-1], grasp.shape[:-1])
     base_pose = jnp.broadcast_to(base_pose, (*batch, 3)).reshape(-1, 3)
@@ -79,7 +82,7 @@ def pick(
         )
     collides = base_collides(robot, base_pose, table, config.base_clearance_m, config.touching_m)
     picks = arm_solutions.Picks(components(base_pose), components(grasp))
-    solutions = arm_solutions.solve(robot, picks, config)
+    solutions = arm_solutions.solve(robot, picks, config, seeds)
     estimate = jnp.where(collides, jnp.inf, solutions.estimate)
     solutions = solutions._replace(estimate=estimate)
     home = jnp.asarray(robot.home, estimate.dtype)[:, None, None]

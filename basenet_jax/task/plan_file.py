@@ -8,11 +8,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from basenet_jax.atomic import write_atomically
+from basenet_jax.documents.fields import DocumentError, convert, describe, field_error, shortest
+from basenet_jax.documents.text_files import read_json, to_json
+from basenet_jax.robot.reading import robot_name
 from basenet_jax.task.picking import Reason
 from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.task.plan_fields import ALLOWED, FORMAT, ArmFields, PlanFields, StepFields, TotalsFields
-from basenet_jax.world.documents import read_json, to_json
-from basenet_jax.world.fields import DocumentError, convert, describe, field_error, shortest
 from basenet_jax.world.scene import NamedScene
 
 REASONS = {reason.name.lower(): reason for reason in Reason if reason != Reason.NONE}
@@ -58,7 +59,7 @@ def save_plan(
     )
     content = PlanFields(
         planner=planner,
-        robot=scene.robot,
+        robot=robot_name(scene.robot),
         planning_time_s=shortest(planning_time_s),
         compile_time_s=shortest(compile_time_s),
         steps=steps,
@@ -112,8 +113,8 @@ def _step(scene: NamedScene, plan: Plan, outcome: Outcome, step: int) -> StepFie
 
 def _check(plan: PlanFields, scene: NamedScene) -> None:
     """That it is a plan of this scene: each object once, those that no pose serves last."""
-    if plan.robot != scene.robot:
-        raise field_error("robot", describe(plan.robot), f"is the scene's, {scene.robot!r}")
+    if plan.robot != (name := robot_name(scene.robot)):
+        raise field_error("robot", describe(plan.robot), f"is the scene's, {name!r}")
     names = [step.object for step in plan.steps]
     for number, step in enumerate(plan.steps):
         path = f"steps[{number}]"

@@ -97,7 +97,7 @@ def _walk(
             for p in (start, end)
         ]
         table = test(world[0], world[1], table_half, stage.radius)
-        body = test(subtract(start, body_center), subtract(end, body_center), body_half, stage.radius)
+        body = test(subtract(start, body_center), subtract(end, body_center), body_half, stage.body_radius)
         return (frame, holds | table | body), None
 
     root = jax.tree.map(lambda x: jnp.broadcast_to(x, shape).astype(joints.dtype), mount_frame(robot))
@@ -128,11 +128,13 @@ class _Stage(NamedTuple):
     start: Array
     end: Array
     radius: Array  # minus infinity for a link without capsules: never touches
+    body_radius: Array  # likewise against the body box, where some capsules aren't tested
 
 
 def _stages(robot: Robot, joints: Float[Array, "dof *batch"]) -> _Stage:
     """The stages in order, stacked along a leading axis."""
-    rest, nowhere = jnp.zeros_like(joints[0]), jnp.zeros(3)
+    rest, nowhere, never = jnp.zeros_like(joints[0]), jnp.zeros(3), jnp.array(-jnp.inf)
+    meets_body = robot.capsule_meets_body
     stages = []
     for link in range(len(joints) + 1):
         capsules = [index for index, owner in enumerate(robot.capsule_link) if owner == link]
@@ -147,7 +149,8 @@ def _stages(robot: Robot, joints: Float[Array, "dof *batch"]) -> _Stage:
                     slide=joint if first and sliding else rest,
                     start=nowhere if index is None else robot.capsule_start[index],
                     end=nowhere if index is None else robot.capsule_end[index],
-                    radius=jnp.array(-jnp.inf) if index is None else robot.capsule_radius[index],
+                    radius=never if index is None else robot.capsule_radius[index],
+                    body_radius=robot.capsule_radius[index] if index is not None and meets_body[index] else never,
                 )
             )
     return jax.tree.map(lambda *leaves: jnp.stack(leaves), *stages)

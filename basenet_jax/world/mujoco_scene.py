@@ -7,8 +7,6 @@ clearance (rule 1), and every capsule of arm and gripper with the table's box an
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled module comes without type stubs.)
 
-import itertools
-
 import mujoco
 import numpy as np
 from jax.typing import ArrayLike
@@ -16,11 +14,11 @@ from jaxtyping import Bool, Float
 
 from basenet_jax.config import PickConfig
 from basenet_jax.robot.model import Robot
+from basenet_jax.robot.robot_mjcf import BASE, BASE_JOINTS, BODY, capsule_name
 from basenet_jax.world.scene import Scene, Table
 
 TABLE, KEEP_OUT, FOOTPRINT = "table", "keep out", "footprint"
 ROBOT = "robot/"  # before the names of everything that comes from the robot's MJCF
-BASE_JOINTS = ("base_x", "base_y", "base_heading")
 BASE_DIMENSION, ARM_DIMENSION = 1, 3  # of contacts, as MuJoCo calls it: tells those of rule 1 and rule 4 apart
 PARKED = (0.0, 0.0, -10.0)  # m: where unused objects wait, below the floor
 HIDDEN_GROUP = 4  # of geoms that only contacts need; pictures leave groups above 2 out by default
@@ -42,14 +40,14 @@ def build_model(
     come first in the list of mocap bodies, so `mocap_pos[i]` is object i's centre.
 
     Args:
-        robot: its MJCF has a body "base" with the joints base_x, base_y and base_heading.
+        robot: its MJCF is `robot_mjcf`'s.
         table: one table (its leaves unbatched and concrete).
         object_size: x, y, z (m) of each object's box; None for no objects.
         object_class: of each object, for its colour; None paints them all alike.
         config: the base's clearance from the table.
     """
     spec = mujoco.MjSpec()
-    spec.worldbody.add_frame().attach_body(mujoco.MjSpec.from_file(robot.model_path).body("base"), ROBOT, "")
+    spec.worldbody.add_frame().attach_body(mujoco.MjSpec.from_string(robot.model_xml).body(BASE), ROBOT, "")
     for geom in spec.geoms:
         geom.contype = geom.conaffinity = 0
     _add_surroundings(spec, robot, table, config)
@@ -128,7 +126,7 @@ class MujocoChecker:
 
 
 def _add_surroundings(spec: mujoco.MjSpec, robot: Robot, table: Table, config: PickConfig) -> None:
-    world, base = spec.worldbody, spec.body(ROBOT + "base")
+    world, base = spec.worldbody, spec.body(ROBOT + BASE)
     world.add_light(pos=(0.0, 0.0, 4.0), dir=(0.0, 0.0, -1.0))
     spec.visual.headlight.ambient = (0.4, 0.4, 0.4)
     world.add_geom(
@@ -154,5 +152,6 @@ def _add_box(body, name: str, half_size, position, **looks) -> None:
 
 def _add_pairs(spec: mujoco.MjSpec, robot: Robot) -> None:
     spec.add_pair(geomname1=FOOTPRINT, geomname2=KEEP_OUT, condim=BASE_DIMENSION, margin=MARGIN)
-    for capsule, box in itertools.product(robot.capsule_geoms, (TABLE, ROBOT + robot.body_geom)):
-        spec.add_pair(geomname1=ROBOT + capsule, geomname2=box, condim=ARM_DIMENSION, margin=MARGIN)
+    for index, meets_body in enumerate(robot.capsule_meets_body):
+        for box in (TABLE, ROBOT + BODY) if meets_body else (TABLE,):
+            spec.add_pair(geomname1=ROBOT + capsule_name(index), geomname2=box, condim=ARM_DIMENSION, margin=MARGIN)

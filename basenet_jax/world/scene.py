@@ -69,11 +69,12 @@ class Scene:
 
 @dataclass(frozen=True)
 class NamedScene:
-    """One scene as its user knows it: with a name for each object, in the order of the slots, and for the robot."""
+    """One scene as its user knows it: with a name for each object, in the order of the slots, and its robot."""
 
     arrays: Scene  # unbatched; slots beyond the names are empty
     names: tuple[str, ...]
-    robot: str = "ur5e_mobile"
+    robot: str = "ur5e_mobile"  # a packaged one's name, or the path of a robot file
+    written_for: str | None = None  # the robot that its file names, where another one is to be used
 
 
 def world_grasp(

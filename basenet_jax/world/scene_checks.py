@@ -3,12 +3,13 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-from msgspec import UNSET
+from msgspec import UNSET, UnsetType
 
 from basenet_jax.config import PickConfig
-from basenet_jax.robot.reading import load_robot, packaged_robots
+from basenet_jax.documents.fields import describe, field_error
+from basenet_jax.robot.model import Robot
+from basenet_jax.robot.reading import DEFAULT_ROBOT, load_robot, packaged_robots
 from basenet_jax.world.clearance import base_collides
-from basenet_jax.world.fields import describe, field_error
 from basenet_jax.world.generate import footprint_radius
 from basenet_jax.world.scene import Table
 from basenet_jax.world.scene_fields import CLASSES, ObjectFields, RobotFields, SceneFields, make_table, size_of
@@ -18,8 +19,15 @@ _SIZE_AND_GRASP = "are size and grasp, both and without class"
 _base_collides, _footprint_radius = jax.jit(base_collides), jax.jit(footprint_radius)
 
 
-def check_scene(scene: SceneFields) -> None:
+def check_scene(scene: SceneFields, robot: str | None = None) -> str:
     """What types and bounds can't say: names, classes, objects on the table and apart, the robot clear of it.
+
+    Args:
+        scene: its fields.
+        robot: to use instead of the scene's, as for `load_robot`.
+
+    Returns:
+        The robot to use, as for `load_robot`.
 
     Raises:
         DocumentError: the message names the field, what was found and what is allowed.
@@ -32,7 +40,9 @@ def check_scene(scene: SceneFields) -> None:
                 found = f"{item.pose[axis]}, off the table"
                 raise field_error(f"objects[{index}].pose[{axis}]", found, f"is {-side / 2} to {side / 2}")
     _check_apart(scene.objects)
-    _check_robot(scene.robot, make_table(scene.table))
+    reference = _choose_robot(scene.robot, robot)
+    _check_start(load_robot(reference), scene.robot, make_table(scene.table))
+    return reference
 
 
 def _check_names(names: list[str]) -> None:
@@ -70,11 +80,21 @@ def _check_apart(objects: list[ObjectFields]) -> None:
         raise field_error(f"objects[{second}].pose", found, f"are {needed[second, first]:.4f} m and more")
 
 
-def _check_robot(robot: RobotFields, table: Table) -> None:
-    if robot.model not in packaged_robots():
-        raise field_error("robot.model", describe(robot.model), f"are {', '.join(packaged_robots())}")
+def _choose_robot(fields: RobotFields, robot: str | None) -> str:
+    """The robot that was asked for, else the file's; a scene can name packaged ones alone."""
+    if robot is not None:
+        return robot
+    if isinstance(fields.model, UnsetType):
+        return DEFAULT_ROBOT
+    if fields.model not in packaged_robots():
+        allowed = f"are {', '.join(packaged_robots())}; a robot of your own is given by its file as --robot"
+        raise field_error("robot.model", describe(fields.model), allowed)
+    return fields.model
+
+
+def _check_start(robot: Robot, fields: RobotFields, table: Table) -> None:
     rule = PickConfig()
-    start = jnp.array(robot.start)
-    if _base_collides(load_robot(robot.model), start, table, rule.base_clearance_m, rule.touching_m):
-        found = f"{list(robot.start)}, where the base touches the table or its margin"
+    start = jnp.array(fields.start)
+    if _base_collides(robot, start, table, rule.base_clearance_m, rule.touching_m):
+        found = f"{list(fields.start)}, where the base of {robot.name} touches the table or its margin"
         raise field_error("robot.start", found, f"are poses more than {rule.base_clearance_m} m clear of the table")

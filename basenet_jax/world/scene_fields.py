@@ -29,9 +29,9 @@ class TableFields(Struct, forbid_unknown_fields=True):
 
 
 class RobotFields(Struct, forbid_unknown_fields=True, kw_only=True):
-    """The robot's name, and where it starts: x, y (m), heading (rad) in W."""
+    """The robot's name (none: the default one, or any that is asked for), and where it starts: x, y, heading in W."""
 
-    model: str = "ur5e_mobile"
+    model: str | UnsetType = UNSET
     start: _Pose
 
 
@@ -70,7 +70,7 @@ ALLOWED = {
     "table.size[]": "is a number from 0.1 to 3 (m)",
     "table.height": "is a number from 0.01 to 3 (m)",
     "robot": "is a mapping with start",
-    "robot.model": "is a robot's name",
+    "robot.model": "is a robot's name, or no such key",
     "robot.start": "is [x, y, heading], three numbers (m, m, rad)",
     "robot.start[]": "is a number from -100 to 100 (m or rad)",
     "objects": f"is a list of 1 to {MAX_OBJECTS} objects",

@@ -9,8 +9,10 @@ import msgspec
 import numpy as np
 
 from basenet_jax.atomic import write_atomically
-from basenet_jax.world.documents import read_json, read_yaml, to_json
-from basenet_jax.world.fields import DocumentError, convert, shortest
+from basenet_jax.documents.fields import DocumentError, convert, shortest
+from basenet_jax.documents.text_files import read_json, read_yaml, to_json
+from basenet_jax.documents.yaml_text import to_yaml
+from basenet_jax.robot.reading import robot_name
 from basenet_jax.world.scene import OBJECT_CLASSES, NamedScene, Scene
 from basenet_jax.world.scene_checks import check_scene
 from basenet_jax.world.scene_fields import (
@@ -26,29 +28,34 @@ from basenet_jax.world.scene_fields import (
     make_table,
     size_of,
 )
-from basenet_jax.world.yaml_text import to_yaml
 
 
 class SceneFileError(ValueError):
     """A file that holds no valid scene; the message names the file, the field, what was found and what is allowed."""
 
 
-def load_scene(path: str | os.PathLike[str]) -> NamedScene:
+def load_scene(path: str | os.PathLike[str], *, robot: str | None = None) -> NamedScene:
     """Reads a scene file, YAML or (by the name's end `.json`) JSON, of at most 64 KiB or 1 MiB.
+
+    Args:
+        path: of the file.
+        robot: to use instead of the one that the file names: a packaged one's name, or the path of a robot file. Its
+            base has to be clear of the table at the scene's start.
 
     Returns:
         The scene in float32, with as many slots as objects, in the file's order.
 
     Raises:
         SceneFileError: the file can't be read or isn't a valid scene.
+        ValueError: there is no such robot, or (`RobotFileError`) its file is refused.
     """
     try:
         document = read_json(path) if _is_json(path) else read_yaml(path)
         fields = convert(document, SceneFields, format_name=FORMAT, allowed=ALLOWED)
-        check_scene(fields)
+        reference = check_scene(fields, robot)
     except DocumentError as error:
         raise SceneFileError(f"{path}: {error}") from None
-    return _from_fields(fields)
+    return _from_fields(fields, reference)
 
 
 def save_scene(path: str | os.PathLike[str], scene: NamedScene) -> None:
@@ -63,7 +70,7 @@ def save_scene(path: str | os.PathLike[str], scene: NamedScene) -> None:
     """
     try:
         data = msgspec.to_builtins(_to_fields(scene))
-        check_scene(convert(data, SceneFields, format_name=FORMAT, allowed=ALLOWED))
+        check_scene(convert(data, SceneFields, format_name=FORMAT, allowed=ALLOWED), scene.robot)
     except ValueError as error:
         raise SceneFileError(f"{path}: {error}") from None
     write_atomically(path, to_json(data) if _is_json(path) else to_yaml(data))
@@ -73,7 +80,7 @@ def _is_json(path: str | os.PathLike[str]) -> bool:
     return Path(path).suffix.lower() == ".json"
 
 
-def _from_fields(fields: SceneFields) -> NamedScene:
+def _from_fields(fields: SceneFields, robot: str) -> NamedScene:
     classes = {name: index for index, name in enumerate(CLASSES)}
     arrays = Scene(
         object_pose=jnp.array([item.pose for item in fields.objects]),
@@ -84,7 +91,9 @@ def _from_fields(fields: SceneFields) -> NamedScene:
         robot_start=jnp.array(fields.robot.start),
         table=make_table(fields.table),
     )
-    return NamedScene(arrays, tuple(item.name for item in fields.objects), fields.robot.model)
+    named = None if isinstance(fields.robot.model, msgspec.UnsetType) else fields.robot.model
+    other = named if named != robot_name(robot) else None
+    return NamedScene(arrays, tuple(item.name for item in fields.objects), robot, other)
 
 
 def _to_fields(scene: NamedScene) -> SceneFields:
@@ -93,7 +102,7 @@ def _to_fields(scene: NamedScene) -> SceneFields:
     if list(np.flatnonzero(arrays.mask)) != list(range(count)):
         raise ValueError(f"objects: found {count} names for the slots {np.flatnonzero(arrays.mask).tolist()}")
     table = TableFields(tuple(shortest(2 * arrays.table.half_size)), shortest(arrays.table.height))
-    robot = RobotFields(model=scene.robot, start=tuple(shortest(arrays.robot_start)))
+    robot = RobotFields(model=robot_name(scene.robot), start=tuple(shortest(arrays.robot_start)))
     objects = [_object_fields(arrays, slot, name) for slot, name in enumerate(scene.names)]
     return SceneFields(table=table, robot=robot, objects=objects)
 

@@ -6,7 +6,6 @@ import jax
 import numpy as np
 import pytest
 
-from basenet_jax.evaluation import scene_sets
 from basenet_jax.evaluation.scene_sets import load_sets
 from basenet_jax.world.scene import NamedScene
 from basenet_jax.world.scene_file import save_scene
@@ -47,12 +46,9 @@ def test_a_bad_file_is_refused_by_name(folder):
         load_sets(folder)
 
 
-def test_scenes_for_two_robots_are_refused(folder, monkeypatch):
-    load = scene_sets.load_scene
-    monkeypatch.setattr(
-        scene_sets,
-        "load_scene",
-        lambda path: dataclasses.replace(load(path), robot="other" if path.name == "b.yaml" else "ur5e_mobile"),
-    )
-    with pytest.raises(ValueError, match="found scenes for other, ur5e_mobile; an evaluation has one robot"):
+def test_scenes_for_two_robots_are_refused_unless_one_is_asked_for(folder):
+    path = folder / "b.yaml"
+    path.write_text(path.read_text().replace("ur5e_mobile", "ur10e_mobile"))
+    with pytest.raises(ValueError, match="found scenes for ur10e_mobile, ur5e_mobile; an evaluation has one robot"):
         load_sets(folder)
+    assert load_sets(folder, "ur3e_mobile")[0] == "ur3e_mobile"

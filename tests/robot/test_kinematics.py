@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from basenet_jax.robot.kinematics import chain, forward_kinematics, geometric_jacobian, mount_frame
+from basenet_jax.robot.reading import read_source
 from tests.oracles import arm as oracle
+from tests.robot.conftest import ASSETS
 
 # float32 after six turns of an arm of 1 m; float64 likewise.
 FLOAT32, FLOAT64 = 2e-6, 1e-14
@@ -33,7 +35,7 @@ def poses(position, rotation):
 
 
 def test_agrees_with_mujoco(robot, joints):
-    model = mujoco.MjModel.from_xml_path(robot.model_path)
+    model = read_source(ASSETS / "ur5e_mobile.yaml", packaged=True).model
     data = mujoco.MjData(model)
     position, rotation = in_double(lambda q: forward_kinematics(robot, q), joints)
     addresses = [model.joint(name).qposadr[0] for name in robot.joint_names]

@@ -1,11 +1,8 @@
-from pathlib import Path
-
 import jax
 import numpy as np
 import pytest
-import yaml
 
-from basenet_jax.robot.reading import load_robot, packaged_robots, read_robot
+from basenet_jax.robot.reading import load_robot
 from tests.oracles import arm as oracle
 
 
@@ -60,100 +57,3 @@ def test_leaves_are_double_numpy_arrays(robot):
 def test_unknown_robot():
     with pytest.raises(ValueError, match=r"found 'ur6e', allowed are .*ur5e_mobile"):
         load_robot("ur6e")
-
-
-def test_the_packaged_robots_load():
-    assert "ur5e_mobile" in packaged_robots()
-    assert all(load_robot(name).name == name for name in packaged_robots())
-
-
-@pytest.fixture
-def files(robot, tmp_path):
-    """A copy of the packaged robot's files to damage: the robot file's content and where both are."""
-    model = Path(robot.model_path)
-    (tmp_path / model.name).write_text(model.read_text())
-    return yaml.safe_load(model.with_suffix(".yaml").read_text()), tmp_path / "robot.yaml"
-
-
-def read(content, path):
-    path.write_text(yaml.safe_dump(content))
-    return read_robot(path)
-
-
-def test_the_copy_is_sound(files, robot):
-    assert read(*files).joint_names == robot.joint_names
-
-
-@pytest.mark.parametrize(
-    ("field", "value", "message"),
-    [
-        ("format", "basenet-robot/2", r"\$.format"),
-        ("name", 3, r"\$.name"),
-        ("model", "nowhere.xml", "model: .*nowhere.xml"),
-        ("frames", {"arm_base": "nothing", "tool": "tool0"}, "frames.arm_base: .*nothing"),
-        ("frames", {"arm_base": "arm_base", "tool": "nothing"}, "frames.tool: .*nothing"),
-        ("frames", {"arm_base": "arm_base"}, "tool"),
-        ("joints", ["shoulder_pan", "knee"], "joints: .*knee"),
-        ("joints", ["base_x", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3"], "joints: base_x without"),
-        ("closed_form", "panda", r"\$.closed_form"),
-        ("joint_speed", [1.0, 1.0], "joint_speed: found 2 values, needs one for each of 6 joints"),
-        ("joint_speed", [0.0] * 6, r"\$.joint_speed"),
-        ("joint_acceleration", [1.4] * 7, "joint_acceleration: found 7"),
-        ("home_degrees", [0.0] * 5, "home_degrees: found 5"),
-        ("stow_degrees", "up", r"\$.stow_degrees"),
-        ("deck", {"center": [0, 0], "size": [0.1, -0.1]}, r"\$.deck.size"),
-        ("arm_geoms", "nothing ", "arm_geoms: .*'nothing '"),
-        ("arm_geoms", "", "arm_geoms: geom 'body' is not a capsule"),
-        ("wheels", 4, "wheels"),
-    ],
-)
-def test_a_malformed_field_is_named(files, field, value, message):
-    content, path = files
-    with pytest.raises(ValueError, match=message) as caught:
-        read({**content, field: value}, path)
-    assert str(path) in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("key", "value", "message"),
-    [
-        ("body", "nothing", "base.body: .*nothing"),
-        ("body", "shoulder", "base.body: geom 'shoulder' is not a box"),
-        ("footprint", [0.8], r"\$.base.footprint"),
-        ("speed", {"linear": -1.0, "angular": 1.0}, r"\$.base.speed.linear"),
-    ],
-)
-def test_a_malformed_base_is_named(files, key, value, message):
-    content, path = files
-    with pytest.raises(ValueError, match=message):
-        read({**content, "base": {**content["base"], key: value}}, path)
-
-
-@pytest.mark.parametrize("field", ["format", "joints", "base", "arm_geoms"])
-def test_a_missing_field_is_named(files, field):
-    content, path = files
-    content.pop(field)
-    with pytest.raises(ValueError, match=field):
-        read(content, path)
-
-
-def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(ValueError, match=r"nowhere\.yaml"):
-        read_robot(tmp_path / "nowhere.yaml")
-
-
-def test_a_file_that_is_no_yaml(tmp_path):
-    path = tmp_path / "robot.yaml"
-    path.write_text("{")
-    with pytest.raises(ValueError, match=r"robot\.yaml"):
-        read_robot(path)
-
-
-def test_lengths_come_from_the_mjcf(files, robot):
-    """A calibrated arm: another number in the model is another number in the robot, and nowhere else."""
-    content, path = files
-    model = path.parent / content["model"]
-    model.write_text(model.read_text().replace('pos="-0.3922 0 0"', 'pos="-0.3930 0.0002 0"'))
-    calibrated = read(content, path)
-    np.testing.assert_allclose(calibrated.joint_position[3], [-0.3930, 0.0002, 0.0], atol=1e-15)
-    np.testing.assert_array_equal(calibrated.joint_position[2], robot.joint_position[2])

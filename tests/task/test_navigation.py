@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from basenet_jax.config import NavigationConfig
+from basenet_jax.task.navigation import navigation_time
+from basenet_jax.world.clearance import base_collides
 from basenet_jax.world.scene import Table
 from tests.oracles import navigation as oracle
 from tests.task.navigation_pairs import (
@@ -130,3 +132,15 @@ def test_sizes_of_table_and_via_margins_count(robot):
     expected = np.array([oracle.navigate(p, q, table=size).time for p, q in zip(starts, goals, strict=True)])
     np.testing.assert_allclose(times[clear], expected[clear], atol=FLOAT32_BOUND)
     assert np.sum(clear) > 30
+
+
+@pytest.mark.parametrize("width", [0.12, 0.5, 0.9])
+def test_a_base_of_any_width_drives_beside_the_table_wherever_it_may_park(robot, table, width):
+    """Rule 1 keeps the base 0.1 m off: 1 cm farther it may park, and drive along, but not 1 cm inside of its half."""
+    own = robot.replace(footprint_half_size=np.array([0.45, width / 2]))
+    near, inside = 0.4 + 0.1 + width / 2 + 0.01, 0.4 + width / 2 - 0.01
+    poses = np.array([[[-0.5, y, 0.0], [0.5, y, 0.0]] for y in (near, inside)], np.float32)
+    times = navigation_time(own, poses[:, 0], poses[:, 1], table)
+    assert times[0] == pytest.approx(1.0 / 0.5 + 0.5 / 0.5)
+    assert not np.isfinite(times[1])
+    assert not bool(base_collides(own, poses[0, 0], table))

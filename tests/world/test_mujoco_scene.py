@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from basenet_jax.config import TableConfig
+from basenet_jax.robot.robot_mjcf import capsule_name
 from basenet_jax.world import mujoco_scene
 from basenet_jax.world.clearance import arm_collides, base_collides
 from basenet_jax.world.scene import Table
@@ -29,8 +30,8 @@ def test_only_the_pairs_of_the_rules_can_touch(checker, robot):
         frozenset((model.geom(a).name, model.geom(b).name))
         for a, b in zip(model.pair_geom1, model.pair_geom2, strict=True)
     }
-    capsules = [f"robot/{name}" for name in robot.capsule_geoms]
-    assert len(capsules) == 8
+    capsules = [f"robot/{capsule_name(index)}" for index in range(8)]
+    assert len(robot.capsule_radius) == 8
     expected = {frozenset(pair) for pair in itertools.product(capsules, ("table", "robot/body"))}
     assert pairs == expected | {frozenset(("footprint", "keep out"))}
     assert not model.geom_contype.any()

@@ -11,7 +11,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from basenet_jax.world.documents import MAX_JSON_BYTES, MAX_YAML_BYTES
+from basenet_jax.documents.text_files import MAX_JSON_BYTES, MAX_YAML_BYTES
 from basenet_jax.world.generate import draw_scene
 from basenet_jax.world.naming import name_objects
 from basenet_jax.world.scene import MAX_OBJECTS, OBJECT_CLASSES, NamedScene, Table
@@ -130,7 +130,11 @@ BAD = [
     ("    size: [0.05, 0.05, 0.12]\n", "", "objects[1].size: found nothing, allowed are size and grasp"),
     ("0.12]", "-0.12]", "objects[1].size[2]: found -0.12, allowed is a number from 0.001 to 2 (m)"),
     ("z: 0.30", "z: 3", "objects[1].grasp.z: found 3, allowed is a number from -2 to 2 (m)"),
-    ("ur5e_mobile", "fetch", "robot.model: found 'fetch', allowed are ur5e_mobile"),
+    (
+        "ur5e_mobile",
+        "fetch",
+        "robot.model: found 'fetch', allowed are panda_mobile, ur10e_mobile",
+    ),
     ("2.4, -1.1", "1.3, 0", "robot.start: found [1.3, 0.0, 1.57], where the base touches"),
     ("height: 0.75", "height: 0", "table.height: found 0, allowed is a number from 0.01 to 3 (m)"),
     ("[2.0, 0.8]", "[20, 0.8]", "table.size[0]: found 20, allowed is a number from 0.1 to 3 (m)"),

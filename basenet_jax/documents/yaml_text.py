@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import yaml
 
-from basenet_jax.world.fields import DocumentError
+from basenet_jax.documents.fields import DocumentError
 
 MAX_DEPTH = 16
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import msgspec
 
-from basenet_jax.world.fields import DocumentError, describe, field_error
-from basenet_jax.world.yaml_text import MAX_DEPTH, Pairs, parse_yaml, read_integer, too_deep
+from basenet_jax.documents.fields import DocumentError, describe, field_error
+from basenet_jax.documents.yaml_text import MAX_DEPTH, Pairs, parse_yaml, read_integer, too_deep
 
 MAX_YAML_BYTES = 64 * 1024  # the parser takes up to ten seconds per MiB
 MAX_JSON_BYTES = 1024 * 1024

@@ -1,0 +1,159 @@
+"""Is a robot what its owner thinks? Measured: kinematics beside MuJoCo's, inverse kinematics, and what it serves."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled module comes without type stubs.)
+
+import itertools
+import time
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+from jax import Array
+from jaxtyping import Bool, Float
+
+from basenet_jax.config import WorldConfig
+from basenet_jax.evaluation.servable import Served, serve
+from basenet_jax.planners.aligned_stops import aligned_poses
+from basenet_jax.robot.ik import solve_ik
+from basenet_jax.robot.kinematics import forward_kinematics, geometric_jacobian
+from basenet_jax.robot.model import Robot
+from basenet_jax.robot.model_arm import find_frame
+from basenet_jax.robot.reading import Source
+from basenet_jax.task.arm_solutions import lattice
+from basenet_jax.world.clearance import arm_collides
+from basenet_jax.world.scene import Table
+
+LARGEST_DIFFERENCE = 1e-9  # m and 1: float64's rounding over an arm, with room
+_STATES = 200
+_IK_TARGETS, _IK_SEEDS = 64, 32
+_FEWER_GRASPS, _EVERY = 16, 3  # for alternatives: grasps, and every so manieth base pose
+_RISES_M = (0.2, -0.2, 0.4, -0.4, 0.6, -0.6, 0.8)
+_FAR_AWAY = np.array([50.0, 0.0, 0.0], np.float32)
+
+
+class Difference(NamedTuple):
+    """Largest differences from MuJoCo over random states."""
+
+    position_m: float
+    rotation: float  # of the entries of matrices
+    jacobian: float  # likewise
+
+    @property
+    def is_small(self) -> bool:
+        """Whether they are rounding."""
+        return max(self) <= LARGEST_DIFFERENCE
+
+
+class Cause(NamedTuple):
+    """A change of the robot that was tried because it serves nothing, and what that comes to."""
+
+    what: str
+    share: float  # of the grasps, served by the changed robot
+
+
+def compare_with_mujoco(source: Source, seed: int = 0) -> Difference:
+    """Forward kinematics and Jacobian, in float64, beside MuJoCo's on the robot's own model."""
+    robot, file, model = source
+    joints = np.random.default_rng(seed).uniform(robot.joint_lower, robot.joint_upper, (_STATES, robot.dof))
+    with jax.enable_x64(True):
+        compute = jax.jit(lambda robot, q: (*forward_kinematics(robot, q), geometric_jacobian(robot, q)))
+        found = [np.asarray(x) for x in compute(robot, jnp.asarray(joints))]
+    data = mujoco.MjData(model)
+    ids = [model.joint(name).id for name in file.joints]
+    worst = np.zeros(3)
+    for state, *own in zip(joints, *found, strict=True):
+        data.qpos[model.jnt_qposadr[ids]] = state
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        _, (base_rotation, base_position) = find_frame(model, data, "frames.arm_base", file.frames.arm_base)
+        body, (rotation, position) = find_frame(model, data, "frames.tool", file.frames.tool)
+        linear, angular = np.zeros((2, 3, model.nv))
+        mujoco.mj_jac(model, data, linear, angular, position, body)
+        columns = model.jnt_dofadr[ids]
+        jacobian = np.concatenate([base_rotation.T @ linear[:, columns], base_rotation.T @ angular[:, columns]])
+        expected = (base_rotation.T @ (position - base_position), base_rotation.T @ rotation, jacobian)
+        worst = np.maximum(worst, [np.max(np.abs(a - b)) for a, b in zip(own, expected, strict=True)])
+    return Difference(*worst.tolist())
+
+
+def solved_share(robot: Robot, seed: int = 0) -> float:
+    """Of random poses that the arm reaches: those that damped least squares finds from one of the lattice's seeds."""
+    joints = np.random.default_rng(seed).uniform(robot.joint_lower, robot.joint_upper, (_IK_TARGETS, robot.dof))
+    return float(np.mean(_solved(robot, joints.astype(np.float32))))
+
+
+@jax.jit
+def _solved(robot: Robot, joints: Float[Array, "N dof"]) -> Bool[Array, " N"]:
+    position, rotation = forward_kinematics(robot, joints)
+    seeds = jnp.asarray(lattice(robot, _IK_SEEDS), joints.dtype)
+    return jnp.any(solve_ik(robot, position[:, None], rotation[:, None], seeds).converged, axis=1)
+
+
+def touching_moves(robot: Robot, table: Table) -> list[str]:
+    """Which of home, stow and the move between them make the arm touch the robot's own body."""
+    states = np.linspace(robot.home, robot.stow, 9).astype(np.float32)
+    touches = np.asarray(jax.jit(arm_collides)(robot, np.tile(_FAR_AWAY, (len(states), 1)), states, table))
+    parts = (("home", touches[:1]), ("stow", touches[-1:]), ("the move from home to stow", touches[1:-1]))
+    return [name for name, part in parts if part.any()]
+
+
+def check_service(
+    robot: Robot, grasps: Float[np.ndarray, "N 4"], table: Table, world: WorldConfig = WorldConfig()
+) -> tuple[Served, float]:
+    """What is served from stops in line with the table, and how many pick evaluations a second that took, warm."""
+    poses = aligned_poses(robot, table, pick=world.pick)
+    serve(robot, grasps[:1], poses[:1], table, world)  # compiles
+    begin = time.perf_counter()
+    served = serve(robot, grasps, poses, table, world)
+    return served, served.evaluations / (time.perf_counter() - begin)
+
+
+def find_causes(
+    robot: Robot, grasps: Float[np.ndarray, "N 4"], table: Table, world: WorldConfig = WorldConfig()
+) -> list[Cause]:
+    """Why a robot serves nothing: the single changes that make it serve something, the most helpful first.
+
+    Each is tried on a few grasps and base poses, in the program that is compiled already.
+    """
+    poses = aligned_poses(robot, table, pick=world.pick)[::_EVERY]
+    tried = [
+        Cause(what, serve(changed, grasps[:_FEWER_GRASPS], poses, table, world).share)
+        for what, changed in _alternatives(robot)
+    ]
+    return sorted((cause for cause in tried if cause.share > 0), key=lambda cause: -cause.share)
+
+
+def _alternatives(robot: Robot) -> Iterator[tuple[str, Robot]]:
+    """The robot changed in one way each, and the change in words."""
+    rotation = np.asarray(robot.tool_rotation)
+    for axis, sign in itertools.product(range(3), (1.0, -1.0)):
+        z = sign * np.eye(3)[axis]
+        if z[2] < 0.5:
+            x = np.eye(3)[(axis + 1) % 3]
+            turned = rotation @ np.stack([x, np.cross(z, x), z], axis=1)
+            name = f"{'-' if sign < 0 else ''}{'xyz'[axis]}"
+            yield (
+                f"tool frame: with its z along its present {name} (z has to point out of the flange)",
+                robot.replace(tool_rotation=turned),
+            )
+    for rise in _RISES_M:
+        position = np.asarray(robot.mount_position) + np.array([0.0, 0.0, rise])
+        yield (
+            f"mount height: {abs(rise):g} m {'higher' if rise > 0 else 'lower'}",
+            robot.replace(mount_position=position),
+        )
+    free = np.where(np.array(robot.prismatic), 1.0, 2.0 * np.pi)
+    lower, upper = np.minimum(robot.joint_lower, -free), np.maximum(robot.joint_upper, free)
+    yield (
+        "joint limits: with a whole turn either way (1 m of slides)",
+        robot.replace(joint_lower=lower, joint_upper=upper),
+    )
+    never = np.full_like(np.asarray(robot.capsule_radius), -1.0)
+    yield (
+        "shapes: with an arm that touches nothing (are its shapes too wide, or home or stow in the body?)",
+        robot.replace(capsule_radius=never),
+    )

@@ -1,0 +1,227 @@
+"""What a robot model says of an arm: where its joints, its tool and its shapes are."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled module comes without type stubs.)
+
+import itertools
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+
+from basenet_jax.documents.fields import DocumentError, describe, field_error
+from basenet_jax.robot.capsule_fit import Fit, box_points, fit_capsule
+from basenet_jax.robot.model_text import ModelText
+
+Transform = tuple[np.ndarray, np.ndarray]  # rotation, position
+
+_MESH_POINTS = 4096  # of a mesh's convex hull, more are thinned out
+_MESSAGE = 200  # characters of MuJoCo's messages that are passed on
+
+
+class Capsule(NamedTuple):
+    """A capsule of the arm, in the frame of its link (0: the arm's base, i: after joint i)."""
+
+    link: int
+    name: str  # what it stands for
+    fit: Fit
+
+
+class Arm(NamedTuple):
+    """An arm read from a model. Transforms are of each frame in the one before it."""
+
+    joint_ids: list[int]
+    steps: list[Transform]  # from link to joint frame, for each joint
+    tool: Transform
+    capsules: list[Capsule]  # by link
+
+
+def compile_model(text: ModelText, *, with_shapes: bool) -> mujoco.MjModel:
+    """The MuJoCo model of a cleaned text; shapes that collide with nothing are left out.
+
+    Args:
+        text: of `read_model_text`.
+        with_shapes: whether collision geometry is wanted; if not, meshes needn't be there.
+
+    Raises:
+        DocumentError: a mesh is missing or of a wrong kind, or MuJoCo can't make a model of it.
+    """
+    try:
+        spec = mujoco.MjSpec.from_string(text.xml)
+        for geom in list(spec.geoms):
+            if not with_shapes or not (geom.contype or geom.conaffinity):
+                spec.delete(geom)
+        used = {geom.meshname for geom in spec.geoms}
+        assets = {}
+        for mesh in list(spec.meshes):
+            if mesh.name not in used:
+                spec.delete(mesh)
+            elif mesh.file:
+                assets[mesh.file] = _mesh_bytes(text, mesh.file)
+            mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # inertias don't matter, open meshes may be there
+        spec.assets = assets
+        return spec.compile()
+    except DocumentError:
+        raise
+    except (ValueError, mujoco.FatalError) as error:
+        message = " ".join(str(error).split())[:_MESSAGE]
+        raise DocumentError(f"model: MuJoCo can't read it: {message}") from None
+
+
+def _mesh_bytes(text: ModelText, name: str) -> bytes:
+    found = text.meshes.get(name, "a mesh that names no file")
+    if isinstance(found, Path):
+        return found.read_bytes()
+    raise DocumentError(
+        f"model: mesh: {found} (or give the arm's shape as capsules in the robot file; then no mesh is read)"
+    )
+
+
+def read_arm(model: mujoco.MjModel, *, joints: list[str], arm_base: str, tool: str) -> Arm:
+    """Reads an arm at the zero configuration.
+
+    Args:
+        model: of `compile_model`.
+        joints: names from the arm's base to its tool.
+        arm_base: name of a site or body.
+        tool: likewise.
+
+    Raises:
+        DocumentError: something is missing or of the wrong kind; the message names the robot file's field.
+    """
+    data = mujoco.MjData(model)
+    base_body, base = find_frame(model, data, "frames.arm_base", arm_base)
+    tool_body, _ = find_frame(model, data, "frames.tool", tool)
+    joint_ids = _check_joints(model, joints, _joints_between(model, base_body, tool_body, arm_base, tool))
+    data.qpos[model.jnt_qposadr[joint_ids]] = 0.0
+    mujoco.mj_kinematics(model, data)
+    base = find_frame(model, data, "frames.arm_base", arm_base)[1]
+    frames = [base, *(_joint_frame(model, data, joint) for joint in joint_ids)]
+    capsules = sorted(_capsules(model, data, joint_ids, frames, base_body), key=lambda capsule: capsule.link)
+    return Arm(
+        joint_ids=joint_ids,
+        steps=[between(before, after) for before, after in itertools.pairwise(frames)],
+        tool=between(frames[-1], find_frame(model, data, "frames.tool", tool)[1]),
+        capsules=capsules,
+    )
+
+
+def find_frame(model: mujoco.MjModel, data: mujoco.MjData, field: str, name: str) -> tuple[int, Transform]:
+    """The body that a site or body of this name belongs to, and its frame in the world.
+
+    Raises:
+        DocumentError: there is none.
+    """
+    for kind, body_of in ((mujoco.mjtObj.mjOBJ_SITE, model.site_bodyid), (mujoco.mjtObj.mjOBJ_BODY, None)):
+        index = mujoco.mj_name2id(model, kind, name)
+        if index >= 0:
+            part: Any = data.body(index) if body_of is None else data.site(index)
+            frame = part.xmat.reshape(3, 3).copy(), part.xpos.copy()
+            return (index if body_of is None else int(body_of[index])), frame
+    names = [model.site(i).name for i in range(model.nsite)] + [model.body(i).name for i in range(1, model.nbody)]
+    raise field_error(field, describe(name), f"are the model's sites and bodies: {_listed(names)}")
+
+
+def between(parent: Transform, child: Transform) -> Transform:
+    """The child's rotation and position in its parent, both given in one frame."""
+    return parent[0].T @ child[0], parent[0].T @ (child[1] - parent[1])
+
+
+def _listed(names: list[str]) -> str:
+    names = [describe(name) for name in names if name]
+    return ", ".join(names[:20]) + (f" and {len(names) - 20} more" if len(names) > 20 else "") if names else "none"
+
+
+def _joints_between(model: mujoco.MjModel, base: int, tool: int, arm_base: str, tool_name: str) -> list[int]:
+    """All joints that move the tool against the arm's base, from the base on."""
+    found: list[int] = []
+    body = tool
+    while body != base:
+        if body == 0:
+            allowed = f"is a frame that {describe(arm_base)} carries"
+            raise field_error("frames.tool", f"{describe(tool_name)}, which it doesn't", allowed)
+        first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
+        found = [*range(first, first + count), *found]
+        body = int(model.body_parentid[body])
+    return found
+
+
+def _check_joints(model: mujoco.MjModel, names: list[str], found: list[int]) -> list[int]:
+    own = [model.joint(joint).name for joint in found]
+    if own != names:
+        wrong = next((i for i, (a, b) in enumerate(itertools.zip_longest(names, own)) if a != b), 0)
+        what = describe(names[wrong]) if wrong < len(names) else "nothing"
+        allowed = f"are all joints from arm base to tool, in order: {_listed(own)}"
+        raise field_error(f"joints[{wrong}]", what, allowed)
+    for index, joint in enumerate(found):
+        kind = int(model.jnt_type[joint])
+        if kind not in (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)):
+            raise field_error(f"joints[{index}]", "a joint of several degrees of freedom", "are hinges and slides")
+        if not model.jnt_limited[joint] and np.any(model.jnt_range[joint]):
+            low, high = model.jnt_range[joint]
+            what = f"the range {low:g} to {high:g} in the model, which limits nothing"
+            raise field_error(f"joints[{index}]", what, "are a range that is not empty, or none")
+        if kind == int(mujoco.mjtJoint.mjJNT_SLIDE) and not model.jnt_limited[joint]:
+            raise field_error(f"joints[{index}]", "a slide without a range in the model", "are slides with one")
+    return found
+
+
+def _joint_frame(model: mujoco.MjModel, data: mujoco.MjData, joint: int) -> Transform:
+    """The frame at the joint's anchor whose z is its axis; the body's own axes where they already are."""
+    rotation = data.xmat[model.jnt_bodyid[joint]].reshape(3, 3)
+    axis = model.jnt_axis[joint]
+    if abs(axis[2]) < 1.0 - 1e-12 or axis[2] < 0:
+        helper = np.eye(3)[np.argmin(np.abs(axis))]
+        x = np.cross(helper, axis) / np.linalg.norm(np.cross(helper, axis))
+        rotation = rotation @ np.stack([x, np.cross(axis, x), axis], axis=1)
+    return rotation.copy(), data.xanchor[joint].copy()
+
+
+def _capsules(
+    model: mujoco.MjModel, data: mujoco.MjData, joint_ids: list[int], frames: list[Transform], base_body: int
+) -> Iterator[Capsule]:
+    """Yields a capsule for every geom that the arm's base carries."""
+    link_of_body = {base_body: 0} | {int(model.jnt_bodyid[j]): link for link, j in enumerate(joint_ids, start=1)}
+    for geom in range(model.ngeom):
+        body = int(model.geom_bodyid[geom])
+        while body and body not in link_of_body:
+            body = int(model.body_parentid[body])
+        if body not in link_of_body:
+            continue
+        rotation, origin = frames[link := link_of_body[body]]
+        turn = rotation.T @ data.geom_xmat[geom].reshape(3, 3)
+        offset = rotation.T @ (data.geom_xpos[geom] - origin)
+        if (fit := _fit(model, geom)) is not None:
+            placed = Fit(turn @ fit.start + offset, turn @ fit.end + offset, fit.radius)
+            yield Capsule(link, model.geom(geom).name or model.body(int(model.geom_bodyid[geom])).name, placed)
+
+
+def _fit(model: mujoco.MjModel, geom: int) -> Fit | None:
+    """The capsule about a geom in its own frame; None for what has no extent, such as planes."""
+    kind, size = mujoco.mjtGeom(model.geom_type[geom]), model.geom_size[geom]
+    along = np.array([0.0, 0.0, size[1]])
+    if kind in (mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_CYLINDER):
+        return Fit(-along, along, float(size[0]))
+    if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
+        return Fit(np.zeros(3), np.zeros(3), float(size[0]))
+    if kind in (mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_ELLIPSOID):
+        return fit_capsule(box_points(size))
+    if kind == mujoco.mjtGeom.mjGEOM_MESH:
+        mesh = model.geom_dataid[geom]
+        first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+        points = model.mesh_vert[first : first + count].astype(float)
+        return fit_capsule(_extreme(points))
+    return None
+
+
+def _extreme(points: np.ndarray) -> np.ndarray:
+    """The points that stand out in some direction: all that a capsule about them depends on, to about a per mille."""
+    if len(points) <= _MESH_POINTS:
+        return points
+    index = np.arange(_MESH_POINTS) + 0.5
+    z, turn = 1.0 - 2.0 * index / _MESH_POINTS, index * np.pi * (3.0 - np.sqrt(5.0))
+    ring = np.sqrt(1.0 - z * z)
+    directions = np.stack([ring * np.cos(turn), ring * np.sin(turn), z])
+    return points[np.unique(np.concatenate([np.argmax(points @ part, axis=0) for part in np.split(directions, 16, 1)]))]

@@ -1,0 +1,117 @@
+"""What a robot file must be beyond having the right fields."""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from basenet_jax.documents.fields import describe, field_error
+from basenet_jax.robot.fields import RobotFile
+from basenet_jax.robot.model import Robot
+from basenet_jax.robot.model_text import inside
+from basenet_jax.robot.robot_mjcf import BASE_JOINTS
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
+_REACH_M = (0.2, 4.0)  # of the stretched arm
+_MOST_RADIUS_M = 0.5
+_CALIBRATION = 0.02  # m and rad: what a calibrated arm's frames may differ from the nominal ones
+_LIMIT_TOLERANCE = 1e-6  # rad or m: files round
+
+
+def check_file(file: RobotFile, taken: Sequence[str]) -> None:
+    """What can be said before the model is read.
+
+    Args:
+        file: its fields.
+        taken: names that it must not have.
+
+    Raises:
+        DocumentError: the message names the field, what was found and what is allowed.
+    """
+    if not _NAME.fullmatch(file.name):
+        raise field_error("name", describe(file.name), "are 1 to 64 letters, digits, _ and -")
+    if file.name in taken:
+        raise field_error("name", f"{describe(file.name)}, a packaged robot's", "is a name of its own")
+    if file.closed_form not in (None, "ur"):
+        raise field_error("closed_form", describe(file.closed_form), "is ur, or no such key")
+    for index, name in enumerate(file.joints):
+        if file.joints.index(name) < index:
+            raise field_error(f"joints[{index}]", f"{describe(name)} twice", "is each joint once")
+        if not name or not name.isprintable() or name in BASE_JOINTS:
+            raise field_error(f"joints[{index}]", describe(name), f"are printable names but {', '.join(BASE_JOINTS)}")
+    for name in ("joint_speed", "joint_acceleration", "home_degrees", "stow_degrees"):
+        if len(values := getattr(file, name)) != len(file.joints):
+            raise field_error(name, f"{len(values)} values", f"is one for each of the {len(file.joints)} joints")
+
+
+def check_model_path(model: str, folder: Path) -> Path:
+    """The model's file, links followed.
+
+    Raises:
+        DocumentError: it isn't in the robot file's folder or below.
+    """
+    found = None if Path(model).is_absolute() or "\0" in model else inside(folder / model, folder)
+    if found is None:
+        raise field_error("model", describe(model), "are paths of files in the robot file's folder or below")
+    return found
+
+
+def check_robot(file: RobotFile, robot: Robot) -> None:
+    """That the arrays make sense: finite, of a robot's size, home and stow inside the limits, the closed form's frames.
+
+    Raises:
+        DocumentError: the message names the field, what was found and what is allowed.
+    """
+    _check_size(robot)
+    _check_limits(file, robot)
+    if len(robot.capsule_radius) == 0:
+        allowed = "are shapes that collide in the model, or capsules in the robot file"
+        raise field_error("capsules", "none, and no moving link of the model has a shape that collides", allowed)
+    widest = int(np.argmax(robot.capsule_radius))
+    if not robot.capsule_radius[widest] <= _MOST_RADIUS_M:
+        found = f"a shape of link {robot.capsule_link[widest]} with a radius of {robot.capsule_radius[widest]:.3g} m"
+        raise field_error("model", found, f"are up to {_MOST_RADIUS_M} m (are its meshes in mm?)")
+    if robot.closed_form == "ur":
+        _check_ur_frames(robot)
+
+
+def _check_size(robot: Robot) -> None:
+    arrays = (robot.joint_rotation, robot.joint_position, robot.tool_position, robot.joint_lower, robot.joint_upper)
+    shapes = (robot.capsule_start, robot.capsule_end, robot.capsule_radius)
+    if not all(np.all(np.isfinite(array)) for array in (*arrays, *shapes)):
+        raise field_error("model", "a frame, limit or shape that is infinite or no number", "are finite numbers")
+    lengths = np.linalg.norm(np.vstack([robot.joint_position[1:], robot.tool_position]), axis=1)
+    slides = np.maximum(np.abs(robot.joint_lower), np.abs(robot.joint_upper))[list(robot.prismatic)]
+    reach = float(lengths.sum() + slides.sum())
+    if not _REACH_M[0] <= reach <= _REACH_M[1]:
+        hint = "are its lengths in mm?" if reach > _REACH_M[1] else "are its lengths in km, or is a scale wrong?"
+        found = f"an arm that is {reach:.3g} m long from joint 1 to the tool"
+        raise field_error("model", found, f"is {_REACH_M[0]} to {_REACH_M[1]} m ({hint})")
+
+
+def _check_limits(file: RobotFile, robot: Robot) -> None:
+    for name, values in (("home", robot.home), ("stow", robot.stow)):
+        outside = (values < robot.joint_lower - _LIMIT_TOLERANCE) | (values > robot.joint_upper + _LIMIT_TOLERANCE)
+        for index in np.flatnonzero(outside)[:1]:
+            unit = (1.0, "m") if robot.prismatic[index] else (180.0 / np.pi, "degrees")
+            low, high = robot.joint_lower[index] * unit[0], robot.joint_upper[index] * unit[0]
+            field = f"{name}_degrees"
+            found = f"{getattr(file, field)[index]:g}"
+            raise field_error(f"{field}[{index}]", found, f"is {low:.6g} to {high:.6g} {unit[1]}, the joint's limits")
+
+
+def _check_ur_frames(robot: Robot) -> None:
+    """That the joint frames are Universal Robots' DH frames, whatever the lengths: the closed form reads these."""
+    one, quarter = np.eye(3), np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # Rx(90 degrees)
+    turns = (one, quarter, one, one, quarter, quarter.T, one)
+    axes = ([], [2], [0], [0], [2], [2], [2])  # along which alone each frame, then the tool's, lies in the one before
+    fits = robot.dof == len(turns) - 1 and not any(robot.prismatic)
+    rotations = [*robot.joint_rotation, robot.tool_rotation]
+    positions = [*robot.joint_position, robot.tool_position]
+    for rotation, turn, position, axis in zip(rotations, turns, positions, axes, strict=False):
+        offset = np.delete(position, axis)
+        fits = fits and np.allclose(rotation, turn, atol=_CALIBRATION) and np.allclose(offset, 0.0, atol=_CALIBRATION)
+    if not fits:
+        allowed = "is ur only where joints and tool are Universal Robots' DH frames; leave the key out"
+        raise field_error("closed_form", "'ur' for an arm with other frames", allowed)

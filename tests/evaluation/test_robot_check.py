@@ -1,0 +1,117 @@
+"""The robot check: right about right robots, and about each thing that may be wrong with one."""
+
+import numpy as np
+import pytest
+import yaml
+
+from basenet_jax.evaluation.robot_check import compare_with_mujoco, find_causes, solved_share, touching_moves
+from basenet_jax.evaluation.servable import random_grasps, serve
+from basenet_jax.planners.aligned_stops import aligned_poses
+from basenet_jax.robot.__main__ import main
+from basenet_jax.robot.reading import find_source, read_robot
+from basenet_jax.task.picking import Reason
+from tests.robot.conftest import ASSETS
+
+
+@pytest.fixture(scope="module")
+def grasps(robot, table):
+    return random_grasps(robot, table, 24, 0)
+
+
+@pytest.fixture
+def make(tmp_path):
+    """A robot file with some fields changed, and the model's text."""
+
+    def make(edit=lambda text: text, **fields):
+        content = yaml.safe_load((ASSETS / "ur5e_mobile.yaml").read_text())
+        (tmp_path / content["model"]).write_text(edit((ASSETS / content["model"]).read_text()))
+        path = tmp_path / "mine.yaml"
+        content = {**content, "name": "mine", **fields}
+        if not content["closed_form"]:
+            del content["closed_form"]
+        path.write_text(yaml.safe_dump(content))
+        return path
+
+    return make
+
+
+def test_the_packaged_robot_serves_the_table(robot, table, grasps):
+    served = serve(robot, grasps, aligned_poses(robot, table), table)
+    assert served.share == 1.0
+    assert np.all((served.pick_time > 5.0) & (served.pick_time < 20.0))
+
+
+@pytest.mark.parametrize("name", ["ur10e_mobile", "panda_mobile"])
+def test_kinematics_agree_with_mujoco(name):
+    assert compare_with_mujoco(find_source(name)).is_small
+
+
+def test_a_wrong_length_is_noticed():
+    source = find_source("ur5e_mobile")
+    position = source.robot.joint_position + np.array([[0, 0, 0]] * 5 + [[0, 0, 1e-6]])
+    difference = compare_with_mujoco(source._replace(robot=source.robot.replace(joint_position=position)))
+    assert difference.position_m == pytest.approx(1e-6, rel=1e-3)
+    assert not difference.is_small
+
+
+def test_inverse_kinematics_is_solved_from_the_lattice(robot):
+    assert solved_share(robot) > 0.9
+    narrow = robot.replace(joint_upper=robot.joint_lower + 0.1)
+    assert solved_share(narrow.replace(home=narrow.joint_lower)) == 1.0
+
+
+def test_a_stow_inside_the_body_is_noticed(robot, table):
+    assert touching_moves(robot, table) == []
+    low = robot.replace(body_half_size=robot.body_half_size + np.array([0.0, 0.0, 0.4]))
+    assert "stow" in touching_moves(low, table)
+
+
+HIGH = {"position": [-0.299, -0.158, 2.0]}
+AHEAD = 'name="shoulder_pan" axis="0 0 1" range="-3.16 -2.96"'  # home and stow, and nothing beside the base
+CAUSES = [
+    ("tool frame", ('"tool0" pos', '"tool0" euler="3.14159 0 0" pos'), {"closed_form": False}),
+    ("mount height", ("", ""), {"mount": HIGH}),
+    ("joint limits", (AHEAD.replace("-3.16 -2.96", "-6.283185307179586 6.283185307179586"), AHEAD), {}),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "change", "fields"), CAUSES, ids=[name for name, *_ in CAUSES])
+def test_the_cause_of_serving_nothing_is_found(make, table, grasps, name, change, fields):
+    robot = read_robot(make(lambda text: text.replace(*change), **fields))
+    served = serve(robot, grasps[:8], aligned_poses(robot, table)[::3], table)
+    assert served.share == 0.0
+    causes = find_causes(robot, grasps[:8], table)
+    assert causes, Reason(int(served.farthest[0])).name
+    assert causes[0].what.startswith(name)
+
+
+def test_packaged_robots_are_listed(capsys):
+    assert main(["list"]) == 0
+    assert capsys.readouterr().out.split() == ["panda_mobile", "ur10e_mobile", "ur3e_mobile", "ur5e_mobile"]
+
+
+def test_a_refused_file_ends_with_code_2(make, capsys):
+    assert main(["check", str(make(joints=["elbow"]))]) == 2
+    assert "mine.yaml: joints: found ['elbow'], allowed is a list of 6 or 7 joint names" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["check", "ur6e"], "robot: found 'ur6e', allowed are panda_mobile"),
+        (["check", "ur5e_mobile", "--grasps", "0"], "--grasps: found 0, allowed are 1 to 10000"),
+    ],
+)
+def test_wrong_arguments_end_with_code_2(capsys, arguments, message):
+    assert main(arguments) == 2
+    assert message in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_check_of_a_packaged_robot(capsys, tmp_path):
+    assert main(["check", "ur5e_mobile", "--grasps", "16", "--out", str(tmp_path)]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    assert "100.0 % of 16 random top-down grasps" in out
+    assert "pick evaluations per second" in out
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["ur5e_mobile-frames.png", "ur5e_mobile-reach.png"]
