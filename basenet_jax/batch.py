@@ -11,9 +11,10 @@ from jaxtyping import PRNGKeyArray
 
 from basenet_jax import api
 from basenet_jax.planners import protocol
+from basenet_jax.robot.reading import DEFAULT_ROBOT
 from basenet_jax.task.plan import Plan
 from basenet_jax.world.generate import draw_scene
-from basenet_jax.world.scene import MAX_OBJECTS, Scene, Table
+from basenet_jax.world.scene import MAX_OBJECTS, NamedScene, Scene, Table
 
 
 def sample_scenes(key: PRNGKeyArray, *, count: int, objects: int = 10) -> Scene:
@@ -41,6 +42,7 @@ def plan_batch(
     scenes: Scene,
     *,
     planner: str = "basenet",
+    robot: str = DEFAULT_ROBOT,
     weights: str | os.PathLike[str] | None = None,
     budget_s: float = 0.0,
     samples: int = 256,
@@ -51,7 +53,8 @@ def plan_batch(
     Args:
         scenes: with one leading axis and one table for all.
         planner: as for `make_plan`.
-        weights: likewise.
+        robot: a packaged one's name, or a robot file.
+        weights: as for `make_plan`.
         budget_s: likewise, for each scene.
         samples: likewise.
         key: split into one for each scene; by default `jax.random.key(0)`.
@@ -69,7 +72,7 @@ def plan_batch(
     tables = np.column_stack([np.asarray(x).reshape(len(scenes.mask), -1) for x in jax.tree.leaves(scenes.table)])
     if not np.all(tables == tables[0]):
         raise ValueError("scenes: found several tables; plan the scenes of each table in a call of their own")
-    first = jax.tree.map(lambda x: x[0], scenes)
+    first = NamedScene(jax.tree.map(lambda x: x[0], scenes), names=(), robot=robot)
     _, made = api.planner_for(first, planner, weights, budget_s, samples)
     return protocol.plan_batch(made, scenes, jax.random.key(0) if key is None else key)
 

@@ -26,8 +26,9 @@ from basenet_jax.task.picking import Pick, pick
 from basenet_jax.world.clearance import base_collides
 from basenet_jax.world.generate import draw_problem
 from basenet_jax.world.scene import Table
-from benchmarks.harness import Options, Report, measure, parse, speed, speed_table
+from benchmarks.harness import Options, Report, parse, speed_table
 from benchmarks.pairs import RADIUS_M, Pairs
+from benchmarks.timing import measure, speed
 
 NAME = "any_robot"
 _DRAWN_AT_ONCE = 16_384

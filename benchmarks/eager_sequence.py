@@ -125,7 +125,9 @@ class Drives:
         self._footprint = torch.tensor(np.asarray(robot.footprint_half_size, np.float32))
         self._speed, self._acceleration = np.asarray(robot.base_speed), np.asarray(robot.base_acceleration)
         corners = torch.tensor([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
-        self._vias = corners * (self._half + self._navigation.via_margin_m)
+        narrow = self._footprint.min()
+        self._path_half = self._half + narrow - self._navigation.path_slack_m
+        self._vias = corners * (self._half + narrow + self._navigation.via_clearance_m)
 
     def duration(self, start: Tensor, goal: Tensor) -> Tensor:
         """Least times (B,) from poses (B, 3) to poses (B, 3); infinite where there is no way."""
@@ -164,7 +166,7 @@ class Drives:
     def _leg(self, start: Tensor, end: Tensor) -> _Leg:
         along = end - start
         length = torch.linalg.norm(along, dim=-1)
-        half = self._half + self._navigation.path_margin_m
+        half = self._path_half
         middle, extent = 0.5 * (start + end), 0.5 * along.abs()
         cross = (middle[..., 0] * along[..., 1] - middle[..., 1] * along[..., 0]).abs() / 2
         beside = cross >= half[0] * extent[..., 1] + half[1] * extent[..., 0]

@@ -131,4 +131,4 @@ def test_the_packaged_weights_are_for_the_default_robot():
 def test_a_refused_robot_file_is_named_by_the_library(folder):
     (folder / "broken.yaml").write_text("{")
     with pytest.raises(RobotFileError, match=r"broken\.yaml: "):
-        api.sample_scene(jax.random.key(0), objects=2, robot="broken.yaml") and load_robot("broken.yaml")
+        load_robot("broken.yaml")

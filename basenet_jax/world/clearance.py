@@ -57,7 +57,8 @@ def capsules_touch(robot: Robot, base_pose: Vector, joints: Float[Array, "dof *b
     if not shape:
         return _walk(robot, base_pose, joints, size, _touches)
     columns = jax.tree.map(lambda x: jnp.broadcast_to(x, (*jnp.shape(x)[:-1], shape[-1])), (base_pose, joints, size))
-    near = jnp.any(_walk(robot, *columns, _may_touch), axis=tuple(range(len(shape) - 1)))
+    base_pose, joints, size = columns
+    near = jnp.any(_walk(robot, base_pose, joints, size, _may_touch), axis=tuple(range(len(shape) - 1)))
     at_once = min(shape[-1], _COLUMNS_AT_ONCE)
 
     def check(state: tuple[Array, Array]) -> tuple[Array, Array]:

@@ -1,5 +1,7 @@
 """The robot check: right about right robots, and about each thing that may be wrong with one."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import yaml
@@ -49,7 +51,7 @@ def test_kinematics_agree_with_mujoco(name):
 def test_a_wrong_length_is_noticed():
     source = find_source("ur5e_mobile")
     position = source.robot.joint_position + np.array([[0, 0, 0]] * 5 + [[0, 0, 1e-6]])
-    difference = compare_with_mujoco(source._replace(robot=source.robot.replace(joint_position=position)))
+    difference = compare_with_mujoco(source._replace(robot=dataclasses.replace(source.robot, joint_position=position)))
     assert difference.position_m == pytest.approx(1e-6, rel=1e-3)
     assert not difference.is_small
 
