@@ -1,3 +1,4 @@
+import gc
 from pathlib import Path
 
 import hypothesis
@@ -23,3 +24,16 @@ def robot():
 @pytest.fixture(scope="session")
 def table():
     return Table.from_config()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_mappings():
+    """Lets go of compiled programs before there are too many.
+
+    Each takes a few memory mappings, of which Linux allows a process 65,530; then the compiler aborts the interpreter.
+    """
+    yield
+    mappings = Path("/proc/self/maps")
+    if mappings.exists() and mappings.read_bytes().count(b"\n") > 20_000:
+        jax.clear_caches()
+        gc.collect()
