@@ -143,12 +143,12 @@ def package_folder(package: str) -> Path:
         try:
             files = metadata.files(package) or []
         except metadata.PackageNotFoundError:
-            pytest.skip("the package example-robot-data isn't installed")
+            pytest.skip("needs: pip install --no-deps example-robot-data")
         (model,) = (file for file in files if str(file).endswith("ur_description/urdf/ur5_robot.urdf"))
         return Path(str(model.locate())).parents[2]
     spec = importlib.util.find_spec(package)  # without importing it: that needs much more
     if spec is None or spec.origin is None:
-        pytest.skip(f"the package {package} isn't installed")
+        pytest.skip(f"needs: pip install --no-deps {package}")
     return Path(spec.origin).parent
 
 

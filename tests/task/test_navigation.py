@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from basenet_jax.config import NavigationConfig
-from basenet_jax.task.navigation import navigation_time
 from basenet_jax.world.clearance import base_collides
 from basenet_jax.world.scene import Table
 from tests.oracles import navigation as oracle
@@ -139,8 +138,8 @@ def test_a_base_of_any_width_drives_beside_the_table_wherever_it_may_park(robot,
     """Rule 1 keeps the base 0.1 m off: 1 cm farther it may park, and drive along, but not 1 cm inside of its half."""
     own = robot.replace(footprint_half_size=np.array([0.45, width / 2]))
     near, inside = 0.4 + 0.1 + width / 2 + 0.01, 0.4 + width / 2 - 0.01
-    poses = jnp.array([[[-0.5, y, 0.0], [0.5, y, 0.0]] for y in (near, inside)])
-    times = navigation_time(own, poses[:, 0], poses[:, 1], table)
+    poses = np.array([[[-0.5, y, 0.0], [0.5, y, 0.0]] for y in (near, inside)], np.float32)
+    times = navigate(own, table, poses[:, 0], poses[:, 1])
     assert times[0] == pytest.approx(1.0 / 0.5 + 0.5 / 0.5)
     assert not np.isfinite(times[1])
     assert not bool(base_collides(own, poses[0, 0], table))

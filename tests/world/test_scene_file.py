@@ -135,7 +135,7 @@ BAD = [
         "fetch",
         "robot.model: found 'fetch', allowed are panda_mobile, ur10e_mobile",
     ),
-    ("2.4, -1.1", "1.3, 0", "robot.start: found [1.3, 0.0, 1.57], where the base touches"),
+    ("2.4, -1.1", "1.3, 0", "robot.start: found [1.3, 0.0, 1.57], where the base of ur5e_mobile touches"),
     ("height: 0.75", "height: 0", "table.height: found 0, allowed is a number from 0.01 to 3 (m)"),
     ("[2.0, 0.8]", "[20, 0.8]", "table.size[0]: found 20, allowed is a number from 0.1 to 3 (m)"),
     ("height: 0.75", "height: 0.75, height: 0.7", "table.height: found the key twice, allowed is once"),
