@@ -101,6 +101,13 @@ def touching_moves(robot: Robot, table: Table) -> list[str]:
     return [name for name, part in parts if part.any()]
 
 
+def tool_tilt_degrees(robot: Robot) -> float:
+    """Angle (degrees) between the tool's z at stow and straight down: 180 where it points up."""
+    _, rotation = jax.jit(forward_kinematics)(robot, jnp.asarray(robot.stow, jnp.float32))
+    up = (np.asarray(robot.mount_rotation) @ np.asarray(rotation))[2, 2]
+    return float(np.degrees(np.arccos(np.clip(-up, -1.0, 1.0))))
+
+
 def check_service(
     robot: Robot, grasps: Float[np.ndarray, "N 4"], table: Table, world: WorldConfig = WorldConfig()
 ) -> tuple[Served, float]:

@@ -13,6 +13,7 @@ from basenet_jax.evaluation.robot_check import (
     compare_with_mujoco,
     find_causes,
     solved_share,
+    tool_tilt_degrees,
     touching_moves,
 )
 from basenet_jax.evaluation.servable import Served, random_grasps
@@ -22,6 +23,7 @@ from basenet_jax.task.picking import Reason
 from basenet_jax.world.scene import Table
 
 _POOR_IK = 0.9
+_MOST_TILT = 90.0  # degrees
 
 
 class Findings(NamedTuple):
@@ -56,6 +58,12 @@ def report(source: Source, grasps: int, seed: int) -> Findings:
         touching = touching_moves(robot, table)
     if touching:
         faults.append(f"the arm touches the body at {', '.join(touching)}, so no pick is possible: see the frames")
+    tilt = tool_tilt_degrees(robot)
+    console.print(f"at stow the tool's z is {tilt:.0f}° from straight down")
+    if tilt > _MOST_TILT:
+        faults.append(
+            f"tool frame: at stow its z points {tilt:.0f}° off straight down; it has to point out of the gripper"
+        )
     with waiting.status("solving inverse kinematics ..."):
         solved = solved_share(robot, seed)
     console.print(f"inverse kinematics finds {100 * solved:.0f} % of random poses in reach")

@@ -201,7 +201,7 @@ FOREIGN = {
 def test_models_that_nobody_here_wrote(tmp_path, name):
     package, folder, model, arm_base, tool, joints, home = FOREIGN[name]
     shutil.copytree(package_folder(package) / folder, tmp_path / "copy")
-    poses = {} if home is None else {"home_degrees": home, "stow_degrees": home}
+    poses = {} if home is None else {"home_degrees": list(home), "stow_degrees": list(home)}
     frames = {"arm_base": arm_base, "tool": tool}
     source = read_source(robot_file(tmp_path / "copy", model=model, frames=frames, joints=joints, **poses))
     assert compare_with_mujoco(source).is_small
