@@ -64,8 +64,11 @@ def tiny_preset(preset, *, objects, seed, robot="ur5e_mobile", robot_digest=None
 def main(arguments):
     jax.config.update("jax_compilation_cache_dir", str(CACHE))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.3)
-    config.make_preset = tiny_preset
-    return train.main(arguments)
+    usual, config.make_preset = config.make_preset, tiny_preset
+    try:
+        return train.main(arguments)
+    finally:
+        config.make_preset = usual  # other tests may run in this process
 
 
 if __name__ == "__main__":
