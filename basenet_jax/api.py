@@ -119,14 +119,15 @@ def replan(
     return make_plan(again, planner=planner, weights=weights, budget_s=budget_s, samples=samples, key=key)
 
 
-def execute(scene: NamedScene | Scene, plan: Plan) -> Outcome:
+def execute(scene: NamedScene | Scene, plan: Plan, *, robot: str | None = None) -> Outcome:
     """The judge's verdict on a plan, per step and in total.
 
     Args:
-        scene: one, or a batch of `Scene`; without a name for its robot it is planned for `ur5e_mobile`.
+        scene: one, or a batch of `Scene`.
         plan: of the same batch shape.
+        robot: a packaged one's name, or a robot file; by default the scene's, or without one `ur5e_mobile`.
     """
-    return _execute(_robot(_robot_name(scene)), _arrays(scene), plan)
+    return _execute(_robot(robot or _robot_name(scene)), _arrays(scene), plan)
 
 
 def plot_plan(scene: NamedScene | Scene, plan: Plan) -> "Figure":

@@ -60,7 +60,7 @@ def plan_batch(
         key: split into one for each scene; by default `jax.random.key(0)`.
 
     Returns:
-        Plans with the same leading axis, which `execute` judges together with the scenes.
+        Plans with the same leading axis, which `execute` judges together with the scenes, given the robot.
 
     Raises:
         ValueError: it is no batch, or their tables differ; or see `make_plan`.

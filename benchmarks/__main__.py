@@ -24,6 +24,7 @@ SCRIPTS = (
     "inverse_kinematics",
     "navigation",
     "picks",
+    "any_robot",
     "contacts",
     "cost_matrix",
     "sampling",

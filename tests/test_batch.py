@@ -54,6 +54,13 @@ def test_planners_of_one_scene_plan_one_after_the_other(scenes, monkeypatch):
     np.testing.assert_array_equal(keys, jax.random.key_data(jax.random.split(jax.random.key(8), 3)))
 
 
+def test_other_robots_plan_and_are_judged_as_themselves(scenes):
+    plans = bn.plan_batch(scenes, planner="greedy-stops", robot="ur10e_mobile")
+    ours = bn.execute(scenes, plans, robot="ur10e_mobile")
+    np.testing.assert_array_equal(ours.grasped, 4)
+    assert np.all(np.abs(bn.execute(scenes, plans).execution - ours.execution) > 0.1), "judged as another robot"
+
+
 @pytest.mark.parametrize(("count", "objects", "name"), [(0, 5, "count"), (2, 0, "objects"), (2, 51, "objects")])
 def test_numbers_out_of_range_are_refused(count, objects, name):
     with pytest.raises(ValueError, match=f"{name}: found {min(count, objects) if objects < 51 else 51}, allowed are"):

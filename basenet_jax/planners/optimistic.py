@@ -1,7 +1,7 @@
 """Plans on estimated pick times, checked where it counts.
 
-An estimate leaves out clearance and costs a tenth of a whole check. It is right for 98 of 100 pairs of aligned stop and
-object, and a plan uses one in a hundred of them. So plans are made on estimates, the picks that they use are checked in
+An estimate leaves out clearance, costs a small part of a whole check, and is right for nearly all pairs of aligned stop
+and object, of which a plan uses very few. So plans are made on estimates, the picks that they use are checked in
 full, wrong estimates are corrected and their scenes planned again until every plan holds. (Costs evaluated lazily, as
 LazySP does for shortest paths: Dellin and Srinivasa, ICAPS 2016.)
 """
@@ -22,7 +22,7 @@ from basenet_jax.task.navigation import navigation_time
 from basenet_jax.task.picking import pick
 from basenet_jax.world.scene import Scene, Table
 
-TOLERANCE_S = 0.02  # twice what refinement changes at most
+TOLERANCE_S = 0.02  # refinement changes less
 
 _make_scenes = jax.vmap(make_scene, in_axes=(None, 0, 0, 0, 0, 0))
 

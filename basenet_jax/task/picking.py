@@ -84,13 +84,11 @@ def pick(
     picks = arm_solutions.Picks(components(base_pose), components(grasp))
     solutions = arm_solutions.solve(robot, picks, config, seeds)
     estimate = jnp.where(collides, jnp.inf, solutions.estimate)
-    solutions = solutions._replace(estimate=estimate)
     home = jnp.asarray(robot.home, estimate.dtype)[:, None, None]
     search = _Search(
+        estimate=estimate,
         rule=jnp.where(collides, Reason.BASE_COLLIDES, Reason.OUT_OF_REACH),
         decided=~jnp.any(jnp.isfinite(estimate), axis=0),
-        tried=jnp.full(collides.shape, -1),
-        estimate=jnp.full_like(estimate[0], -jnp.inf),
         time=jnp.zeros_like(estimate[0]),
         joints=jnp.broadcast_to(home, (robot.dof, len(arm_solutions.heights(config)), len(grasp))),
     )
@@ -115,8 +113,8 @@ def estimate_pick_time(
 ) -> Float[Array, "*batch"]:
     """Duration (s) of the cycle by the fastest arm solution; infinite if there is none.
 
-    `pick`'s duration but for rounding, unless clearance or the descent leave only a slower solution, or none. Costs a
-    tenth of it.
+    `pick`'s duration but for rounding, unless clearance or the descent leave only a slower solution, or none; at a
+    small part of its cost.
 
     Args:
         robot: the robot.
@@ -132,12 +130,11 @@ def estimate_pick_time(
 
 
 class _Search(NamedTuple):
-    """The search through each pick's solutions (B picks), in the order of their estimates, then of their numbers."""
+    """The search through each pick's solutions (K solutions, B picks)."""
 
+    estimate: Float[Array, "K B"]  # s; infinite once rejected
     rule: Int[Array, " B"]  # the rule reached farthest so far; NONE once found feasible
     decided: Bool[Array, " B"]
-    tried: Int[Array, " B"]  # the number of the last solution tried, and
-    estimate: Float[Array, " B"]  # its estimate (s)
     time: Float[Array, " B"]
     joints: Float[Array, "dof waypoints B"]
 
@@ -149,27 +146,21 @@ def _attempt(robot, picks, solutions, table, config: PickConfig, arm_check: ArmC
     # solutions: small batches go in small chunks.
     chunk = min(count, config.chunk, max(config.smallest_chunk, count // 16))
     (index,) = jnp.nonzero(~search.decided, size=chunk, fill_value=count)  # count: no pick, dropped when written
-    part, own_solutions = jax.tree.map(lambda x: x.at[..., index].get(mode="clip"), (picks, solutions))
-    tried, last, rule_before = (x.at[index].get(mode="clip") for x in (search.tried, search.estimate, search.rule))
+    part, own_solutions, own = jax.tree.map(lambda x: x.at[..., index].get(mode="clip"), (picks, solutions, search))
     if table.height.ndim:
         table = jax.tree.map(lambda x: x.at[index].get(mode="clip"), table)
-    numbers = jnp.arange(len(own_solutions.estimate))[:, None]
-    later = (own_solutions.estimate > last) | ((own_solutions.estimate == last) & (numbers > tried))
-    remaining = jnp.where(later, own_solutions.estimate, jnp.inf)
-    choice = jnp.argmin(remaining, axis=0)
-    estimate = jnp.min(remaining, axis=0)
+    choice = jnp.argmin(own.estimate, axis=0)
     rule, time, joints = _check(robot, part, own_solutions, choice, table, config, arm_check)
     feasible = rule == Reason.NONE
-    left = jnp.sum(jnp.isfinite(remaining), axis=0)
-    found = jnp.where(feasible, index, count)
-    return _Search(
-        rule=search.rule.at[index].set(jnp.where(feasible, rule, jnp.maximum(rule, rule_before)), mode="drop"),
-        decided=search.decided.at[index].set(feasible | (left <= 1), mode="drop"),
-        tried=search.tried.at[index].set(choice, mode="drop"),
-        estimate=search.estimate.at[index].set(estimate, mode="drop"),
-        time=search.time.at[found].set(time, mode="drop"),
-        joints=search.joints.at[..., found].set(joints, mode="drop"),
+    estimate = own.estimate.at[choice, jnp.arange(chunk)].set(jnp.inf)
+    found = _Search(
+        estimate=estimate,
+        rule=jnp.where(feasible, rule, jnp.maximum(rule, own.rule)),
+        decided=feasible | ~jnp.any(jnp.isfinite(estimate), axis=0),
+        time=jnp.where(feasible, time, 0.0),
+        joints=jnp.where(feasible, joints, own.joints),
     )
+    return jax.tree.map(lambda all, new: all.at[..., index].set(new, mode="drop"), search, found)
 
 
 def _check(robot, picks, solutions, choice, table, config: PickConfig, arm_check: ArmCheck):

@@ -49,7 +49,7 @@ def arm_collides(
 def capsules_touch(robot: Robot, base_pose: Vector, joints: Float[Array, "dof *batch"], table: Table) -> Array:
     """`arm_collides` on struct-of-arrays poses and joints, whose batches broadcast.
 
-    Few states come near anything. A test of bounding boxes, which costs a tenth of the distances, finds them; exact
+    Few states come near anything. A test of bounding boxes, far cheaper than distances, finds them; exact
     distances are then computed for the columns of the batch (its last axis) with such a state, some at a time.
     """
     size = (table.half_size[..., 0], table.half_size[..., 1], 0.5 * table.height)
