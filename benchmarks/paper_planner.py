@@ -147,7 +147,9 @@ def _learned_order(weights: Weights, scene: Scene) -> Callable[[Array, Array], A
     choose: Choose = choose_learned(GraspSequencePolicy(), weights.sequence, jax.tree.map(lambda x: x[None], scene))
 
     def slot(pose: Array, remaining: Array) -> Array:
-        return choose(PickupState(pose[None], remaining[None], jnp.zeros(1, bool)), jax.random.key(0))[0]
+        return choose(PickupState(pose[None], remaining[None], jnp.zeros(1, bool)), jax.random.key(0), len(remaining))[
+            0
+        ]
 
     return slot
 

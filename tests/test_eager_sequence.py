@@ -1,5 +1,7 @@
 """The eager PyTorch version that `benchmarks.sequence_training` sets beside ours computes the same."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -8,6 +10,7 @@ import pytest
 torch = pytest.importorskip("torch", reason="needs PyTorch, of the extra `benchmarks`")
 
 from basenet_jax.learning.config import ReinforceConfig, TrainConfig  # noqa: E402
+from basenet_jax.learning.policy_gradient import policy_gradient  # noqa: E402
 from basenet_jax.learning.training import Training  # noqa: E402
 from basenet_jax.policies.trained import load_policies, untrained_sequence  # noqa: E402
 from benchmarks.eager_networks import GraspSequence  # noqa: E402
@@ -67,7 +70,8 @@ def test_same_greedy_episodes(learner, eager, scenes, steps):
 
 def test_same_gradient(learner, eager, weights, scenes, steps):
     advantage = jnp.linspace(-1.0, 1.0, EPISODES)
-    expected, _ = jax.jit(learner.policy_gradient)(weights.sequence, scenes, steps, advantage)
+    weight = learner.config.navigation_weight * advantage
+    expected, _ = jax.jit(partial(policy_gradient, learner.network))(weights.sequence, scenes.grasps, steps, weight)
     episodes = eager.play(eager.policy, as_tensors(scenes), greedy=True)
     eager.optimizer.zero_grad()
     eager.loss(episodes, torch.tensor(np.asarray(advantage))).backward()

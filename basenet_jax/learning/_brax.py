@@ -11,12 +11,10 @@ with contextlib.redirect_stdout(io.StringIO()):
     from brax.training import gradients, replay_buffers
     from brax.training.acme import running_statistics, specs
     from brax.training.agents.sac import losses, networks
-    from brax.training.types import Transition
 
 __all__ = [
     "Env",
     "State",
-    "Transition",
     "gradients",
     "losses",
     "networks",

@@ -38,7 +38,6 @@ class SacConfig:
     target_entropy: float = -4.0  # nats, of the four action components
     final_target_entropy: float = -8.0  # reached at the last iteration, in a straight line
     initial_alpha: float = 0.1
-    target_rate: float = 0.005  # of the target critics (no part in one-step episodes, kept for Brax's losses)
     episodes_per_iteration: int = 512
     updates_per_iteration: int = 8
     batch_size: int = 512
@@ -143,7 +142,7 @@ def make_preset(
         reinforce = ReinforceConfig(objects=objects, intervals=3, updates_per_interval=25)
         stops = dataclasses.replace(stops, library_objects=512, examples=1_024, imitation_intervals=5, intervals=5)
     elif preset == "default":
-        sac, reinforce = SacConfig(intervals=120), ReinforceConfig(objects=objects, intervals=20)
+        sac, reinforce = SacConfig(intervals=100), ReinforceConfig(objects=objects, intervals=20)
     else:
         sac = SacConfig(own_class_share=0.0, final_learning_rate_share=1.0, final_target_entropy=-4.0, intervals=120)
         reinforce = ReinforceConfig(objects=objects, own_class_share=0.0, final_learning_rate_share=1.0)

@@ -16,9 +16,10 @@ from jax import Array
 
 from basenet_jax.config import WorldConfig
 from basenet_jax.learning.config import ReinforceConfig
+from basenet_jax.learning.policy_gradient import policy_gradient
 from basenet_jax.policies.base_pose import BasePosePolicy
 from basenet_jax.policies.grasp_sequence import GraspSequencePolicy
-from basenet_jax.policies.pickup import PickupState, PickupStep, choose_learned, choose_nearest, episode_cost, rollout
+from basenet_jax.policies.pickup import PickupStep, choose_learned, choose_nearest, episode_cost, rollout
 from basenet_jax.robot.model import Robot
 from basenet_jax.world.generate import draw_scene
 from basenet_jax.world.scene import Scene, Table
@@ -127,7 +128,8 @@ class Reinforce:
         advantage = cost
         if self.config.baseline:
             advantage = cost - self.cost(self.play(state.baseline, scenes, baseline_key, greedy=True))
-        gradient, entropy = self.policy_gradient(state.params, scenes, steps, advantage)
+        weight = self.config.navigation_weight * advantage
+        gradient, entropy = policy_gradient(self.network, state.params, scenes.grasps, steps, weight)
         change, optimizer = self.optimizer.update(gradient, state.optimizer, state.params)
         metrics = {"cost": jnp.mean(cost), "advantage": jnp.mean(advantage), "entropy": entropy}
         state = dataclasses.replace(
@@ -142,34 +144,6 @@ class Reinforce:
     def cost(self, steps: PickupStep) -> Array:
         """Cost (s) of each episode."""
         return episode_cost(steps, self.config.failure_time_s)
-
-    def policy_gradient(self, params: Any, scenes: Scene, steps: PickupStep, advantage: Array) -> tuple[Any, Array]:
-        """Gradient of the mean of `weight · advantage · log probability of the choices`, and the mean entropy (nats).
-
-        Summed step by step, so that memory holds the activations of one step only.
-        """
-        episodes = advantage.shape[0]
-
-        def surrogate(params: Any, step: PickupStep) -> tuple[Array, Array]:
-            logits = self._logits(params, scenes, step.state)
-            counts = step.active & ~step.state.ended
-            logits = jnp.where(counts[:, None], logits, 0.0)
-            log_probabilities = jax.nn.log_softmax(logits)
-            chosen = jnp.take_along_axis(log_probabilities, step.choice[:, None], axis=-1)[:, 0]
-            surprise = jnp.where(jnp.isfinite(log_probabilities), log_probabilities, 0.0)
-            entropy = -jnp.sum(jnp.exp(surprise) * surprise * jnp.isfinite(log_probabilities), axis=-1)
-            weighted = self.config.navigation_weight * advantage * chosen
-            return jnp.sum(jnp.where(counts, weighted, 0.0)) / episodes, jnp.sum(entropy * counts)
-
-        def accumulate(total: Any, step: PickupStep) -> tuple[Any, Array]:
-            gradient, entropy = jax.grad(surrogate, has_aux=True)(params, step)
-            return jax.tree.map(jnp.add, total, gradient), entropy
-
-        gradient, entropy = jax.lax.scan(accumulate, jax.tree.map(jnp.zeros_like, params), steps)
-        return gradient, jnp.sum(entropy) / jnp.sum(steps.active)
-
-    def _logits(self, params: Any, scenes: Scene, state: PickupState) -> Array:
-        return jnp.asarray(self.network.apply(params, scenes.grasps, state.robot_pose, state.remaining))
 
     def _challenge_baseline(self, state: ReinforceState) -> ReinforceState:
         """Replaces the baseline if the policy is significantly better on the test scenes, which are then renewed."""

@@ -1,6 +1,8 @@
 """The pickup episode: choose an object, park where the base-pose policy says, go on from there."""
 
+import itertools
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import jax
@@ -11,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 
 from basenet_jax.config import WorldConfig
 from basenet_jax.policies.base_pose import BasePosePolicy
-from basenet_jax.policies.grasp_sequence import GraspSequencePolicy
+from basenet_jax.policies.grasp_sequence import GraspSequencePolicy, compact_sizes, remaining_logits
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.navigation import navigation_time
 from basenet_jax.task.plan import Plan
@@ -40,8 +42,8 @@ class PickupStep:
     executed: Bool[Array, "*batch"]  # whether the drive was
 
 
-# (state, key of the step) -> slot of the object to grasp next
-Choose = Callable[[PickupState, Array], Array]
+# (state, key of the step, at most so many objects remain) -> slot of the object to grasp next
+Choose = Callable[[PickupState, Array, int], Array]
 
 
 def rollout(
@@ -63,8 +65,8 @@ def rollout(
     grasps = scene.grasps
     slots = grasps.shape[-2]
 
-    def step(state: PickupState, key: Array) -> tuple[PickupState, PickupStep]:
-        choice = choose(state, key)
+    def step(state: PickupState, key: Array, most: int) -> tuple[PickupState, PickupStep]:
+        choice = choose(state, key, most)
         grasp = jnp.take_along_axis(grasps, choice[..., None, None], axis=-2)[..., 0, :]
         goal = base_pose(grasp, state.robot_pose)
         drive = navigation_time(robot, state.robot_pose, goal, scene.table, world.navigation)
@@ -80,8 +82,11 @@ def rollout(
         return after, PickupStep(state, choice, goal, jnp.where(executed, drive, 0.0), active, executed)
 
     start = PickupState(scene.robot_start, scene.mask, jnp.zeros(scene.mask.shape[:-1], bool))
-    _, steps = jax.lax.scan(step, start, jax.random.split(key, slots))
-    return steps
+    keys, state, parts = jax.random.split(key, slots), start, []
+    for most, fewer in itertools.pairwise((*compact_sizes(slots), 0)):
+        state, steps = jax.lax.scan(partial(step, most=most), state, keys[slots - most : slots - fewer])
+        parts.append(steps)
+    return jax.tree.map(lambda *x: jnp.concatenate(x), *parts)
 
 
 def episode_cost(steps: PickupStep, failure_time: float) -> Float[Array, "*batch"]:
@@ -106,8 +111,8 @@ def as_plan(steps: PickupStep) -> Plan:
 def choose_learned(network: GraspSequencePolicy, params: Any, scene: Scene, *, greedy: bool = True) -> Choose:
     """What the sequence policy chooses: the most probable object, or one drawn by its probabilities."""
 
-    def choose(state: PickupState, key: Array) -> Array:
-        logits = jnp.asarray(network.apply(params, scene.grasps, state.robot_pose, state.remaining))
+    def choose(state: PickupState, key: Array, most: int) -> Array:
+        logits = remaining_logits(network, params, scene.grasps, state.robot_pose, state.remaining, most=most)
         # Where nothing remains all logits are minus infinity, and any choice will do.
         logits = jnp.where(jnp.any(state.remaining, axis=-1, keepdims=True), logits, 0.0)
         return jnp.argmax(logits, axis=-1) if greedy else jax.random.categorical(key, logits, axis=-1)
@@ -118,14 +123,15 @@ def choose_learned(network: GraspSequencePolicy, params: Any, scene: Scene, *, g
 def choose_nearest(scene: Scene) -> Choose:
     """The remaining object whose grasp is nearest to the robot."""
 
-    def choose(state: PickupState, key: Array) -> Array:
-        del key
+    def choose(state: PickupState, key: Array, most: int) -> Array:
+        del key, most
         distance = jnp.linalg.norm(scene.grasps[..., :2] - state.robot_pose[..., None, :2], axis=-1)
         return jnp.argmin(jnp.where(state.remaining, distance, jnp.inf), axis=-1)
 
     return choose
 
 
-def choose_random(state: PickupState, key: Array) -> Array:
+def choose_random(state: PickupState, key: Array, most: int) -> Array:
     """Any of the remaining objects."""
+    del most
     return jax.random.categorical(key, jnp.where(state.remaining, 0.0, -jnp.inf), axis=-1)

@@ -15,7 +15,7 @@ from jax import Array
 from jaxtyping import Bool, Float
 
 from basenet_jax.config import NavigationConfig
-from basenet_jax.policies.graph_attention import FirstLayer, Layer
+from basenet_jax.policies.graph_attention import FirstLayer, Layer, dense
 from basenet_jax.policies.grasp_sequence import object_features, robot_features
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.navigation import navigation_time
@@ -116,10 +116,10 @@ class StopPolicy(nn.Module):
         for _ in range(self.layers - 1):
             nodes = Layer(self.features)(nodes, problem.mask)
         nodes = jnp.where(problem.mask[..., None], nodes, 0.0)
-        context = nn.Dense(self.features, name="context")(jnp.sum(nodes, axis=-2))
+        context = dense(self.features, "context")(jnp.sum(nodes, axis=-2))
         hidden = self._offers(nodes, views) + context[..., None, :]
-        hidden = hidden + nn.Dense(self.features, name="stop")(_stop_features(graph.poses[stops], views))
-        hidden = nn.relu(nn.Dense(self.features)(nn.relu(hidden)))
+        hidden = hidden + dense(self.features, "stop")(_stop_features(graph.poses[stops], views))
+        hidden = nn.relu(dense(self.features)(nn.relu(hidden)))
         score = nn.Dense(1, kernel_init=nn.initializers.zeros, name="score")(hidden)[..., 0]
         end = nn.Dense(1, kernel_init=nn.initializers.zeros, name="end")(nn.relu(context))[..., 0]
         logits = jnp.put_along_axis(jnp.full_like(rule, -jnp.inf), stops, prior + score, axis=-1, inplace=False)
@@ -130,7 +130,7 @@ class StopPolicy(nn.Module):
 
         As one matrix product this costs far less than a network for every pair of stop and object.
         """
-        maps = nn.Dense(_BASES * self.features, use_bias=False, name="offers")(nodes)
+        maps = dense(_BASES * self.features, "offers", use_bias=False)(nodes)
         maps = maps.reshape(*maps.shape[:-2], -1, self.features)  # object and basis in one axis
         bases = views.bases()
         return bases.reshape(*bases.shape[:-2], -1) @ maps

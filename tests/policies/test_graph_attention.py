@@ -1,13 +1,14 @@
 """The sequence network: symmetric in the objects, blind to padding, and GATv2 as published."""
 
 import chex
+import flax.linen as nn
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from basenet_jax.policies.graph_attention import FirstLayer, Layer, Neighbours
-from basenet_jax.policies.grasp_sequence import GraspSequencePolicy
+from basenet_jax.policies.graph_attention import FirstLayer, Layer, Neighbours, attention_scores, dense
+from basenet_jax.policies.grasp_sequence import GraspSequencePolicy, compact_sizes, remaining_logits
 
 # float32 sums over up to ten objects in another order.
 ROUNDING = 2e-5
@@ -62,6 +63,17 @@ def test_a_batch_is_its_scenes_one_by_one(network):
         np.testing.assert_allclose(logits, network(*state), atol=ROUNDING)
 
 
+@pytest.mark.parametrize("slots", [3, 6, 10])
+def test_logits_on_few_slots_are_those_on_all(slots):
+    policy = GraspSequencePolicy(features=16, layers=2)
+    params = policy.init(jax.random.key(0), jnp.zeros((6, 4)), jnp.zeros(3), jnp.ones(6, bool))
+    states = [draw_state(seed, slots, remaining) for seed, remaining in enumerate(range(1, slots + 1))]
+    for most in compact_sizes(slots):
+        batch = [jnp.stack(x) for x in zip(*states[:most], strict=True)]
+        few = remaining_logits(policy, params, *batch, most=most)
+        np.testing.assert_allclose(few, policy.apply(params, *batch), atol=ROUNDING)
+
+
 def test_every_object_and_the_robot_matter(network):
     grasps, robot_pose, mask = draw_state(2, remaining=3)
     logits = network(grasps, robot_pose, mask)
@@ -85,6 +97,30 @@ def test_attention_is_gatv2_written_as_loops():
         weights = np.exp(scores) / np.sum(np.exp(scores))
         expected[i] = sum(w * np.asarray(values[j]) for w, j in zip(weights, others, strict=True))
     np.testing.assert_allclose(jnp.asarray(layer.apply(params, queries, values, remaining)), expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("shape", [(4, 4), (3, 5), (1, 2)], ids=str)
+@pytest.mark.parametrize("batch", [(), (2, 3)], ids=str)
+def test_the_scores_gradient_is_the_derived_one(shape, batch):
+    def derived(queries, values, vector):
+        return nn.leaky_relu(queries[..., :, None, :] + values[..., None, :, :], 0.2) @ vector
+
+    keys = jax.random.split(jax.random.key(3), 4)
+    queries, values = (jax.random.normal(keys[i], (*batch, shape[i], 8)) for i in range(2))
+    vector, weight = jax.random.normal(keys[2], (8,)), jax.random.normal(keys[3], (*batch, *shape))
+    found, pull = jax.vjp(attention_scores, queries, values, vector)
+    expected, expected_pull = jax.vjp(derived, queries, values, vector)
+    chex.assert_trees_all_close(found, expected, atol=1e-6)
+    chex.assert_trees_all_close(pull(weight), expected_pull(weight), atol=1e-5)
+
+
+def test_the_dense_layer_is_flaxs():
+    inputs = jax.random.normal(jax.random.key(0), (2, 3, 5))
+    params = dense(4).init(jax.random.key(1), inputs)
+    found, pull = jax.vjp(lambda p, x: jnp.asarray(dense(4).apply(p, x)), params, inputs)
+    expected, expected_pull = jax.vjp(lambda p, x: jnp.asarray(nn.Dense(4).apply(p, x)), params, inputs)
+    chex.assert_trees_all_close(found, expected, atol=1e-6)
+    chex.assert_trees_all_close(pull(expected), expected_pull(expected), atol=1e-5)
 
 
 def test_the_plain_sum_has_no_coefficients():
