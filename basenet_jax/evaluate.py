@@ -33,6 +33,8 @@ class Arguments:
     """Of the random scenes, and of planners that draw random numbers."""
     repeats: int = 3
     """Warm calls per scene and planner; P is their median."""
+    timed: int = 100
+    """So many scenes are planned one at a time, for P; beyond them planners that can plan the rest together."""
     weights: Path | None = None
     """Weights file of the learned planners. Default: the one shipped with the package."""
     budget: float = 0.0
@@ -66,7 +68,14 @@ def _evaluate(options: Arguments, given: list[str]) -> int:
         planners, sets, about = prepare(request, given)
     except ValueError as error:
         return _fail(2, str(error))
-    rows = compare(planners, sets, repeats=options.repeats, seed=options.seed, reporter=make_reporter())
+    rows = compare(
+        planners,
+        sets,
+        repeats=options.repeats,
+        seed=options.seed,
+        reporter=make_reporter(),
+        timed=options.timed,
+    )
     try:
         write_tables(options.out, rows, about)
     except OSError as error:

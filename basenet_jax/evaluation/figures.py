@@ -39,6 +39,7 @@ class Summary:
     planner: str
     objects: int
     scenes: int
+    timed: int  # scenes that were planned alone, which P and P + N + G are of
     figures: dict[str, Figure]  # grasped (share), planning_s, navigation_s, grasping_s, execution_s, total_s
     planning_median_s: float  # of P over the scenes
     planning_max_s: float  # of the scene that took longest
@@ -56,13 +57,14 @@ def summarise(row: Row, rows: Sequence[Row]) -> Summary | None:
         planner=row.planner,
         objects=row.objects,
         scenes=len(row.labels),
+        timed=int(np.sum(~np.isnan(row.scores.planning_s))),
         figures={
             name: mean_figure(values, most=1.0 if name == "grasped" else np.inf)
             for name, values in per_scene(row.scores, row.objects).items()
         },
-        planning_median_s=float(np.median(row.scores.planning_s)),
-        planning_max_s=float(row.scores.planning_s.max()),
-        compile_s=float(row.scores.compile_s.sum()),
+        planning_median_s=float(np.nanmedian(row.scores.planning_s)),
+        planning_max_s=float(np.nanmax(row.scores.planning_s)),
+        compile_s=float(np.nansum(row.scores.compile_s)),
         disagreements=int(row.scores.disagreements.sum()),
         ratio_to_dp=None if reference is None else ratio(row.scores, reference, row.objects),
     )
@@ -81,7 +83,8 @@ def per_scene(scores: Scores, objects: int) -> dict[str, Float[np.ndarray, " B"]
 
 
 def mean_figure(values: Float[np.ndarray, " B"], *, most: float = np.inf) -> Figure:
-    """Mean, standard deviation (of a sample) and Student's t interval of the mean, cut to 0 and `most`."""
+    """Mean, standard deviation (of a sample) and Student's t interval of the mean, cut to 0 and `most`; without NaN."""
+    values = values[~np.isnan(values)]
     mean, count = float(np.mean(values)), len(values)
     if count < 2:
         return Figure(mean, None, None)

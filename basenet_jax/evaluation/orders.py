@@ -143,7 +143,7 @@ def _play(
     """The plans of one of `ORDERS`, by its index: one program for all, since the picks in it take long to compile."""
     choices = (choose_learned(network, params, scenes), choose_nearest(scenes), choose_random)
 
-    def choose(state: PickupState, key: Array) -> Array:
-        return jax.lax.switch(order, choices, state, key)
+    def choose(state: PickupState, key: Array, most: int) -> Array:
+        return jax.lax.switch(order, [lambda *now, rule=rule: rule(*now, most) for rule in choices], state, key)
 
     return as_plan(rollout(robot, scenes, base_pose, choose, key, world))

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import Array
 from jaxtyping import Float
 
 from basenet_jax.evaluation.scene_sets import SceneSet
 from basenet_jax.learning.progress import Reporter
-from basenet_jax.planners.protocol import Planner, PlannerSetup, PlanningError
+from basenet_jax.planners.protocol import BatchPlanner, Planner, PlannerSetup, PlanningError
 from basenet_jax.planners.registry import PLANNERS, MakePlanner
 from basenet_jax.planners.timed import TimedPlan, plan_timed
 from basenet_jax.task.plan import Plan
@@ -24,8 +25,8 @@ class Planned:
     """One planner's plans for a set of B scenes."""
 
     plans: Plan  # a batch of B
-    planning_s: Float[np.ndarray, " B"]  # P: the median of warm calls
-    compile_s: Float[np.ndarray, " B"]  # by how much each scene's first call took longer
+    planning_s: Float[np.ndarray, " B"]  # P: the median of warm calls; NaN where the scene wasn't planned alone
+    compile_s: Float[np.ndarray, " B"]  # by how much each scene's first call took longer; likewise
 
 
 def choose_planners(names: Sequence[str]) -> dict[str, MakePlanner]:
@@ -70,9 +71,18 @@ class Planners:
 
 
 def plan_all(
-    planners: Planners, name: str, scenes: SceneSet, *, repeats: int, seed: int, reporter: Reporter
+    planners: Planners,
+    name: str,
+    scenes: SceneSet,
+    *,
+    repeats: int,
+    seed: int,
+    reporter: Reporter,
+    timed: int | None = None,
 ) -> Planned:
     """Plans scene after scene, as a robot would be served, and times each plan warm, the garbage collector off.
+
+    Planners that can plan many scenes at once do so beyond the first ones, which are timed: the plans are the same.
 
     Args:
         planners: the planners.
@@ -81,33 +91,51 @@ def plan_all(
         repeats: warm calls per scene, fewer where they take long (see `plan_timed`).
         seed: of planners that draw random numbers.
         reporter: told of every scene.
+        timed: so many scenes are planned alone at least; None: all.
 
     Raises:
         PlanningError: the planner refuses a scene; the message names the scene.
         RuntimeError: a plan doesn't have each object exactly once.
     """
-    timed: list[TimedPlan] = []
-    keys = jax.random.split(jax.random.key(seed), len(scenes))
+    key, planner = jax.random.key(seed), planners.get(name, scenes.scene(0).table)
+    many = timed is not None and len(scenes) > timed and scenes.on_one_table()
+    together = planner if many and isinstance(planner, BatchPlanner) else None
+    count = timed if together else len(scenes)
     reporter.start(f"{scenes.objects} objects, {name}", len(scenes), unit="scenes")
     try:
-        for index, label in enumerate(scenes.labels):
-            scene = scenes.scene(index)
-            planner = planners.get(name, scene.table)
-            jax.block_until_ready((scene, keys))
-            try:
-                with _no_garbage_collection():
-                    timed.append(plan_timed(planner, scene, keys[index], repeats=repeats))
-            except PlanningError as error:
-                raise PlanningError(f"scene {label}: {error}") from error
-            _check_complete(timed[-1].plan, scene, f"{name}, scene {label}")
-            reporter.update(index + 1, {"P (s)": float(np.median([each.planning_time_s for each in timed]))})
+        alone = _plan_alone(planners, name, scenes, jax.random.split(key, len(scenes))[:count], repeats, reporter)
+        plans = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(each.plan for each in alone))
+        if together:
+            plans = jax.block_until_ready(together.plan_batch(scenes.scenes, key))
+            reporter.update(len(scenes), {})
     finally:
         reporter.finish()
-    return Planned(
-        plans=jax.tree.map(lambda *leaves: jnp.stack(leaves), *(each.plan for each in timed)),
-        planning_s=np.array([each.planning_time_s for each in timed]),
-        compile_s=np.array([each.compile_time_s for each in timed]),
-    )
+    on_host = jax.device_get((plans, scenes.scenes))
+    for index, label in enumerate(scenes.labels):
+        plan, scene = jax.tree.map(lambda x, index=index: x[index], on_host)
+        _check_complete(plan, scene, f"{name}, scene {label}")
+    planning_s, compile_s = np.full((2, len(scenes)), np.nan)
+    planning_s[:count] = [each.planning_time_s for each in alone]
+    compile_s[:count] = [each.compile_time_s for each in alone]
+    return Planned(plans, planning_s, compile_s)
+
+
+def _plan_alone(
+    planners: Planners, name: str, scenes: SceneSet, keys: Array, repeats: int, reporter: Reporter
+) -> list[TimedPlan]:
+    """Timed plans of as many scenes as there are keys, the first ones."""
+    timed: list[TimedPlan] = []
+    for index, key in enumerate(keys):
+        scene = scenes.scene(index)
+        planner = planners.get(name, scene.table)
+        jax.block_until_ready((scene, key))
+        try:
+            with _no_garbage_collection():
+                timed.append(plan_timed(planner, scene, key, repeats=repeats))
+        except PlanningError as error:
+            raise PlanningError(f"scene {scenes.labels[index]}: {error}") from error
+        reporter.update(index + 1, {"P (s)": float(np.median([each.planning_time_s for each in timed]))})
+    return timed
 
 
 @contextlib.contextmanager

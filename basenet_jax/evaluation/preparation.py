@@ -31,6 +31,7 @@ class Request:
     repeats: int
     weights: Path | None
     robot: str | None = None
+    timed: int = 100
     budget: float = 0.0
     samples: int = 256
 
@@ -58,6 +59,7 @@ def prepare(request: Request, arguments: list[str]) -> tuple[Planners, list[Scen
         "robot": setup.robot.name,
         "seed": request.seed,
         "repeats": request.repeats,
+        "timed": request.timed,
         "weights": provenance.weights_fingerprint(request.weights),
         "versions": provenance.versions(),
         "hardware": provenance.hardware(),
@@ -93,8 +95,8 @@ def _check_numbers(request: Request) -> None:
     for number in request.objects or ():
         if not 1 <= number <= MAX_OBJECTS:
             raise ValueError(f"--objects: found {number}, allowed are 1 to {MAX_OBJECTS}")
-    counts = (("scenes", request.scenes), ("repeats", request.repeats), ("samples", request.samples))
-    for name, number in counts:
+    counts = {name: getattr(request, name) for name in ("scenes", "repeats", "timed", "samples")}
+    for name, number in counts.items():
         if number is not None and number < 1:
             raise ValueError(f"--{name}: found {number}, allowed are 1 and more")
     if not 0 <= request.budget < math.inf:

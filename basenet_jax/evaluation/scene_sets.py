@@ -32,6 +32,10 @@ class SceneSet:
     def __len__(self) -> int:
         return len(self.labels)
 
+    def on_one_table(self) -> bool:
+        """Whether all scenes have the same table."""
+        return all(bool(jnp.all(x == x[0])) for x in jax.tree.leaves(self.scenes.table))
+
     def scene(self, index: int) -> Scene:
         """One scene, unbatched."""
         return jax.tree.map(lambda x: x[index], self.scenes)

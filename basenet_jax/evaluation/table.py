@@ -27,8 +27,8 @@ REFERENCE = "dp"  # of the ratios
 class Scores:
     """One planner's figures on each of B scenes. Times in seconds."""
 
-    planning_s: Float[np.ndarray, " B"]  # P
-    compile_s: Float[np.ndarray, " B"]  # by how much each scene's first call took longer
+    planning_s: Float[np.ndarray, " B"]  # P; NaN where the scene was planned together with others
+    compile_s: Float[np.ndarray, " B"]  # by how much each scene's first call took longer; likewise
     grasped: Int[np.ndarray, " B"]  # number of objects
     navigation_s: Float[np.ndarray, " B"]  # N
     grasping_s: Float[np.ndarray, " B"]  # G
@@ -42,7 +42,7 @@ class Scores:
 
     @property
     def total_s(self) -> Float[np.ndarray, " B"]:
-        """P + N + G."""
+        """P + N + G; NaN where P is not known."""
         return self.planning_s + self.execution_s
 
 
@@ -57,7 +57,15 @@ class Row:
     refused: str | None = None  # why there are no scores
 
 
-def compare(planners: Planners, sets: Sequence[SceneSet], *, repeats: int, seed: int, reporter: Reporter) -> list[Row]:
+def compare(
+    planners: Planners,
+    sets: Sequence[SceneSet],
+    *,
+    repeats: int,
+    seed: int,
+    reporter: Reporter,
+    timed: int | None = None,
+) -> list[Row]:
     """Runs every planner on every scene and judges all plans.
 
     A planner that refuses a scene (`PlanningError`) gets a row that says so; the others go on.
@@ -68,6 +76,7 @@ def compare(planners: Planners, sets: Sequence[SceneSet], *, repeats: int, seed:
         repeats: warm calls per scene and planner.
         seed: of planners that draw random numbers.
         reporter: told of the progress.
+        timed: so many scenes at least each planner plans alone; see `plan_all`.
 
     Returns:
         A row for each set and planner, in their order.
@@ -82,7 +91,9 @@ def compare(planners: Planners, sets: Sequence[SceneSet], *, repeats: int, seed:
         refused: dict[str, str] = {}
         for name in planners.names:
             try:
-                planned[name] = plan_all(planners, name, scenes, repeats=repeats, seed=seed, reporter=reporter)
+                planned[name] = plan_all(
+                    planners, name, scenes, repeats=repeats, seed=seed, reporter=reporter, timed=timed
+                )
             except PlanningError as error:
                 refused[name] = str(error)
                 reporter.note(f"{scenes.objects} objects, {name}: refused: {error}")

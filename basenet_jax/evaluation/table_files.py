@@ -44,7 +44,7 @@ def markdown(rows: Sequence[Row], about: dict[str, Any]) -> str:
     lines = [
         f"`{about['command']}`, on {where}.",
         f"Scenes: {about['scenes']}. Times: mean ± standard deviation over the scenes, in s; P is measured warm",
-        f"(median of {about['repeats']} calls), compiling apart.",
+        f"(median of {about['repeats']} calls), compiling apart, with one scene at a time; {_timed(rows)}.",
         "",
         *_table(cost_cells(rows)),
         "",
@@ -90,6 +90,17 @@ def results(rows: Sequence[Row], about: dict[str, Any]) -> str:
     return msgspec.json.format(msgspec.json.encode(content), indent=1).decode() + "\n"
 
 
+def _timed(rows: Sequence[Row]) -> str:
+    """In words, which scenes P is of."""
+    summaries = [summary for row in rows if (summary := summarise(row, rows))]
+    fewer = [
+        f"{each.planner} (the first {each.timed} of {each.objects} objects)"
+        for each in summaries
+        if each.timed < each.scenes
+    ]
+    return f"of all scenes but for {', '.join(fewer)}" if fewer else "of all scenes"
+
+
 def _table(lines: Sequence[Sequence[str]]) -> list[str]:
     header, *body = lines
     return [f"| {' | '.join(line)} |" for line in (header, ["---"] * len(header), *body)]
@@ -99,8 +110,9 @@ def _csv_lines(summary: Summary) -> list[list[Any]]:
     lines: list[list[Any]] = []
     for name, figure in summary.figures.items():
         unit = "s" if name.endswith("_s") else "share"
-        lines.append([summary.scenes, name, unit, figure.mean, _blank(figure.sd), *(figure.ci95 or ("", ""))])
-    lines.append([summary.scenes, "compile_s", "s", summary.compile_s, "", "", ""])
+        scenes = summary.timed if name in ("planning_s", "total_s") else summary.scenes
+        lines.append([scenes, name, unit, figure.mean, _blank(figure.sd), *(figure.ci95 or ("", ""))])
+    lines.append([summary.timed, "compile_s", "s", summary.compile_s, "", "", ""])
     lines.append([summary.scenes, "disagreements", "picks", summary.disagreements, "", "", ""])
     if (ratio := summary.ratio_to_dp) is not None:
         lines.append([ratio.scenes, "ratio_to_dp", "1", _blank(ratio.ratio), "", *(ratio.ci95 or ("", ""))])

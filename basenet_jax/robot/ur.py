@@ -65,9 +65,12 @@ def closed_form(robot: Robot, target: Frame, branch: Branch) -> ClosedForm:
     wrist_centre = subtract(target.origin, scale(d6, target.z))
     m, cylinder_shortfall = _parallel_axis(wrist_centre, d4, branch.shoulder)
     x_m, y_m, z_m = dot(target.x, m), dot(target.y, m), dot(target.z, m)  # = sin5 cos6, -sin5 sin6, cos5
-    sin_5 = jnp.sqrt(x_m * x_m + y_m * y_m)
+    # Of length sin5, and computed from the tool's z alone: so all but joint 6 is the same, and computed once, for
+    # targets that differ in a turn of the tool about its z.
+    across = cross(m, target.z)
+    sin_5 = jnp.sqrt(dot(across, across))
     over_sin_5 = branch.wrist / jnp.where(sin_5 > 0, sin_5, 1.0)
-    wrist_axis = scale(over_sin_5, cross(m, target.z))  # joint 5's; the same for every turn of the tool about its z
+    wrist_axis = scale(over_sin_5, across)  # joint 5's
     elbow_end = subtract(subtract(wrist_centre, scale(d5, wrist_axis)), scale(d4, m))
     radial = elbow_end[1] * m[0] - elbow_end[0] * m[1]  # m = (sin1, -cos1, 0)
     q2, q3, elbow_shortfall = _planar_two_link(radial, elbow_end[2] - d1, a2, a3, branch.elbow)

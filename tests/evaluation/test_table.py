@@ -14,6 +14,7 @@ from basenet_jax.evaluation.planning import Planners, choose_planners, plan_all
 from basenet_jax.evaluation.scene_sets import SceneSet, random_set
 from basenet_jax.evaluation.table import compare
 from basenet_jax.learning.progress import PlainReporter
+from basenet_jax.planners import protocol
 from basenet_jax.planners.registry import PLANNERS
 from tests import judged
 from tests.evaluation.fake_planners import FAKES, Double, Fixed
@@ -113,6 +114,27 @@ def test_calls_are_counted_and_timed_without_garbage_collection(setup, scenes):
     assert len(set(keys)) == 3, "each scene has a key of its own, the same for all calls"
     assert np.all(planned.planning_s > 0)
     assert np.all(planned.compile_s >= 0)
+
+
+def test_what_can_be_planned_together_is_timed_on_the_first_scenes_only(setup, scenes):
+    calls = []
+
+    class Many(Fixed):
+        def plan_batch(self, scenes, key):
+            calls.append(len(scenes.mask))
+            return protocol.plan_batch(Fixed(self.setup), scenes, key)
+
+    def plan(name, timed):
+        planners = Planners({"alone": Fixed, "many": Many}, setup)
+        return plan_all(planners, name, scenes, repeats=1, seed=7, reporter=PlainReporter(io.StringIO()), timed=timed)
+
+    alone, some, all_timed = plan("alone", 2), plan("many", 2), plan("many", 3)
+    assert calls == [3]
+    jax.tree.map(np.testing.assert_array_equal, some.plans, alone.plans)
+    np.testing.assert_array_equal(np.isnan(some.planning_s), [False, False, True])
+    np.testing.assert_array_equal(np.isnan(some.compile_s), [False, False, True])
+    assert not np.any(np.isnan(alone.planning_s))
+    assert not np.any(np.isnan(all_timed.planning_s))
 
 
 def test_every_table_has_its_own_planner(setup, batch):

@@ -1,6 +1,7 @@
 """The three files hold the same figures, in the paper's layout, in long form, and scene by scene."""
 
 import csv
+import dataclasses
 import io
 import json
 
@@ -98,6 +99,20 @@ def test_one_scene_has_no_spread_and_says_null():
     assert "| x | 100.0 | 0.5000 | 2.50 | 7.50 | 10.0 | 10.5 |" in markdown([row], ABOUT)
     figures = json.loads(results([row], ABOUT))["results"][0]["summary"]["figures"]
     assert figures["execution_s"] == {"mean": 10.0, "sd": None, "ci95": None}
+
+
+def test_scenes_that_were_not_planned_alone_have_no_planning_time():
+    some = dataclasses.replace(scores([2, 2, 2], [10.0, 10.0, 10.0]), planning_s=np.array([0.5, 0.7, np.nan]))
+    row = Row("x", 2, LABELS, some)
+    content = json.loads(results([row], ABOUT))["results"][0]
+    assert [scene["planning_s"] for scene in content["scenes"]] == [0.5, 0.7, None]
+    assert content["summary"]["timed"] == 2
+    assert content["summary"]["planning_max_s"] == 0.7
+    assert content["summary"]["figures"]["planning_s"]["mean"] == pytest.approx(0.6)
+    assert content["summary"]["figures"]["total_s"]["mean"] == pytest.approx(10.6)
+    assert "x (the first 2 of 2 objects)" in markdown([row], ABOUT)
+    lines = {line["figure"]: line["scenes"] for line in csv.DictReader(io.StringIO(long_form([row])))}
+    assert (lines["planning_s"], lines["execution_s"]) == ("2", "3")
 
 
 def test_files_are_written_whole(rows, tmp_path):

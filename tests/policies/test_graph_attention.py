@@ -71,7 +71,7 @@ def test_logits_on_few_slots_are_those_on_all(slots):
     for most in compact_sizes(slots):
         batch = [jnp.stack(x) for x in zip(*states[:most], strict=True)]
         few = remaining_logits(policy, params, *batch, most=most)
-        np.testing.assert_allclose(few, policy.apply(params, *batch), atol=ROUNDING)
+        np.testing.assert_allclose(few, jnp.asarray(policy.apply(params, *batch)), atol=ROUNDING)
 
 
 def test_every_object_and_the_robot_matter(network):
