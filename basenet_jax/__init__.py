@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from basenet_jax.api import execute as execute
+    from basenet_jax.api import export_plan as export_plan
     from basenet_jax.api import make_plan as make_plan
     from basenet_jax.api import plot_plan as plot_plan
     from basenet_jax.api import replan as replan
@@ -56,6 +57,7 @@ _MODULES = {
     "WorldConfig": "config",
     "draw_scene": "world.generate",
     "execute": "api",
+    "export_plan": "api",
     "forward_kinematics": "robot.kinematics",
     "geometric_jacobian": "robot.kinematics",
     "load_plan": "task.plan_file",
@@ -91,6 +93,7 @@ __all__ = [
     "WorldConfig",
     "draw_scene",
     "execute",
+    "export_plan",
     "forward_kinematics",
     "geometric_jacobian",
     "load_plan",

@@ -30,6 +30,8 @@ from basenet_jax.world.scene import MAX_OBJECTS, NamedScene, Scene, Table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from basenet_jax.exports import Export
+
 _execute = jax.jit(judge.execute)
 _draw_scene = jax.jit(draw_scene, static_argnames="slots")
 
@@ -135,6 +137,38 @@ def plot_plan(scene: NamedScene | Scene, plan: Plan) -> "Figure":
     from basenet_jax import plots  # Matplotlib takes half a second to import
 
     return plots.plot_plan(_robot(_robot_name(scene)), _arrays(scene), plan, execute(scene, plan))
+
+
+def export_plan(
+    scene: NamedScene,
+    plan: Plan,
+    directory: str | os.PathLike[str],
+    *,
+    table_pose: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    map_frame: str = "map",
+    formats: Sequence[str] = ("yaml", "csv", "bag"),
+) -> "Export":
+    """Writes a plan for a robot: base goals and arm trajectories as messages of ROS 2, and the states over time.
+
+    Steps that the judge finds infeasible are left out, their drives too.
+
+    Args:
+        scene: one scene.
+        plan: of that scene.
+        directory: new or empty; the folder above must be there.
+        table_pose: x, y (m) and yaw (rad) of the table's frame in the map that the robot navigates in.
+        map_frame: the name of that map's frame.
+        formats: yaml for `plan.yaml`, csv for `execution.csv`, bag for a ROS 2 bag (which needs the extra `ros`).
+
+    Raises:
+        ValueError: (`exports.ExportError`) the folder isn't empty, a format is unknown or lacks its package, the pose
+            isn't finite, or no step is feasible. Nothing is written.
+        OSError: something can't be written; then nothing is.
+    """
+    from basenet_jax.exports import export  # most plans are not exported
+
+    robot, outcome = _robot(_robot_name(scene)), execute(scene, plan)
+    return export(robot, scene, plan, outcome, directory, table_pose=table_pose, map_frame=map_frame, formats=formats)
 
 
 def planner_for(

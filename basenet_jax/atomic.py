@@ -1,8 +1,10 @@
-"""Writing files whole or not at all."""
+"""Writing files and folders whole or not at all."""
 
 import contextlib
 import os
+import shutil
 import uuid
+from collections.abc import Callable
 from pathlib import Path
 
 
@@ -21,7 +23,7 @@ def write_atomically(path: str | os.PathLike[str], data: bytes) -> None:
             stream.write(data)
         return
     target = target.resolve()
-    temporary = target.with_name(f".{target.name}.{uuid.uuid4().hex[:12]}.tmp")
+    temporary = _beside(target)
     try:
         with temporary.open("xb") as stream:
             stream.write(data)
@@ -33,6 +35,38 @@ def write_atomically(path: str | os.PathLike[str], data: bytes) -> None:
             temporary.unlink()
         raise
     sync(target.parent)
+
+
+def write_folder_atomically(path: str | os.PathLike[str], fill: Callable[[Path], object]) -> None:
+    """Makes a folder that is there with all that belongs in it, or not at all.
+
+    Args:
+        path: of the folder, which is either not there or empty; the one above must be there.
+        fill: writes what belongs in it into the folder that it is given.
+
+    Raises:
+        OSError: it can't be written, or isn't empty; no temporary folder stays behind, as when `fill` raises.
+    """
+    target = Path(path).resolve()
+    temporary = _beside(target)
+    try:
+        temporary.mkdir()
+        fill(temporary)
+        for each in temporary.rglob("*"):
+            sync(each)
+        sync(temporary)
+        if target.exists():
+            target.rmdir()  # not everywhere can a folder be renamed to the name of another
+        temporary.rename(target)
+    except BaseException:
+        shutil.rmtree(temporary, ignore_errors=True)
+        raise
+    sync(target.parent)
+
+
+def _beside(target: Path) -> Path:
+    """A name for a temporary file or folder that nobody else uses."""
+    return target.with_name(f".{target.name}.{uuid.uuid4().hex[:12]}.tmp")
 
 
 def sync(path: str | os.PathLike[str]) -> None:

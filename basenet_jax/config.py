@@ -96,6 +96,16 @@ class RefinementConfig:
 
 
 @dataclass(frozen=True)
+class ExportConfig:
+    """How a plan is written for a robot."""
+
+    rate_hz: float = 50.0  # of samples; beside them stand the times at which an acceleration changes
+    # Each arm move takes this longer than a trapezoidal profile. Controllers that join samples by quintic splines (as
+    # ROS 2's do) pass an acceleration limit by a third where the acceleration jumps; so smoothed, it doesn't.
+    smoothing_s: float = 0.01
+
+
+@dataclass(frozen=True)
 class WorldConfig:
     """All of the above but the grid, which is a planner's."""
 

@@ -4,15 +4,13 @@ import io
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from basenet_jax.atomic import write_atomically
+from basenet_jax.offscreen import RenderError, choose_backend
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from basenet_jax.planners.protocol import PlannerSetup
     from basenet_jax.planners.timed import TimedPlan
     from basenet_jax.world.scene import NamedScene
@@ -45,6 +43,18 @@ class Arguments:
     """Where to draw the plan: a name ending in .png, .pdf or .svg."""
     explain: bool = False
     """Also print from how many base poses of the grid each object can be picked, and what rules out the rest."""
+    export: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
+    """New or empty folder for the plan as a robot's messages: base goals, arm trajectories, gripper commands."""
+    export_format: tuple[Literal["yaml", "csv", "bag"], ...] = ("yaml", "csv", "bag")
+    """yaml: the messages as text; csv: states over time; bag: of ROS 2 (needs the extra ros, but no ROS)."""
+    table_pose: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """For the export: x, y (m) and yaw (degrees) of the table frame in the map that the robot navigates in."""
+    map_frame: str = "map"
+    """For the export: the name of that map's frame."""
+    video: Path | None = None
+    """Where to film the plan: a name ending in .mp4 (needs the extra video) or .gif."""
+    video_speed: float = 8.0
+    """How many times faster than life the film is."""
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -59,24 +69,25 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _plan(options: Arguments) -> int:
+    try:
+        if options.video:
+            choose_backend()  # before MuJoCo is imported
+    except RenderError as error:
+        return _fail(2, f"--video: {error}")
     # Here and not above: JAX and MuJoCo take seconds to import, which --help needn't wait for.
     import jax
     from rich.console import Console
 
     from basenet_jax.api import planner_for
     from basenet_jax.compilation import enable_cache
-    from basenet_jax.evaluation.outputs import check_different, check_output_file
+    from basenet_jax.plan_outputs import check_outputs
     from basenet_jax.planners.protocol import PlanningError
     from basenet_jax.planners.timed import plan_timed
     from basenet_jax.world.scene_file import load_scene
 
     enable_cache()
     try:
-        check_different({"SCENE": options.scene, "--out": options.out, "--picture": options.picture})
-        if options.out:
-            check_output_file("--out", options.out)
-        if options.picture:
-            check_output_file("--picture", options.picture, (".png", ".pdf", ".svg"))
+        check_outputs(options)
         scene = load_scene(options.scene, robot=options.robot)
         if scene.written_for:
             print(f"basenet_jax.plan: {options.scene} names the robot {scene.written_for}, not this", file=sys.stderr)
@@ -97,39 +108,26 @@ def _report(options: Arguments, scene: "NamedScene", setup: "PlannerSetup", time
 
     from basenet_jax import api
     from basenet_jax.evaluation.plan_report import failures, print_explanation, print_plan
+    from basenet_jax.plan_outputs import OutputError, write_outputs
     from basenet_jax.planners.explanation import count_reasons
-    from basenet_jax.task.plan_file import save_plan
 
     outcome = jax.device_get(api.execute(scene, timed.plan))
-    # All is made before anything is written.
-    picture = _draw(api.plot_plan(scene, timed.plan), options.picture) if options.picture else b""
     counts = count_reasons(setup, scene.arrays) if options.explain else None
-    times = {"planning_time_s": timed.planning_time_s, "compile_time_s": timed.compile_time_s}
-    path = options.out
     try:
-        if path:
-            save_plan(path, scene, timed.plan, outcome, planner=options.planner, **times)
-        path = options.picture
-        if path:
-            write_atomically(path, picture)
-    except OSError as error:
-        return _fail(2, f"{path}: can't be written: {error.strerror}")
+        said = write_outputs(options, setup.robot, scene, timed, outcome)
+    except OutputError as error:
+        return _fail(2, str(error))
     print_plan(scene, timed.plan, outcome)
     compiled = f"compiled before, in {timed.compile_time_s:.3g} s"
     print(f"planned by {options.planner} in {timed.planning_time_s:.3g} s ({compiled})")
     if counts is not None:
         print_explanation(scene, counts)
+    print(*said, sep="\n", end="\n" if said else "")
     failed = failures(scene, timed.plan, outcome)
     if not failed:
         return 0
     lines = "".join(f"\n  {name}: {reason}" for name, reason in failed)
     return _fail(3, f"{len(failed)} of {len(scene.names)} objects can't be grasped:{lines}")
-
-
-def _draw(figure: "Figure", path: Path) -> bytes:
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format=path.suffix.lower()[1:], dpi=150, bbox_inches="tight")
-    return buffer.getvalue()
 
 
 def _fail(code: int, message: str) -> int:

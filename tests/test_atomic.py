@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from basenet_jax.atomic import write_atomically
+from basenet_jax.atomic import write_atomically, write_folder_atomically
 
 
 def test_content_is_written_and_replaced(tmp_path: Path) -> None:
@@ -56,3 +56,29 @@ def test_a_device_is_written_to_and_not_replaced(tmp_path: Path) -> None:
     except PermissionError:
         pytest.skip("making a device takes Linux and root")
     assert null.is_char_device()
+
+
+def test_a_folder_is_there_with_all_its_content(tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    for name in ("new", "empty"):
+        write_folder_atomically(tmp_path / name, lambda folder: (folder / "file").write_bytes(b"x"))
+        assert (tmp_path / name / "file").read_bytes() == b"x"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["empty", "new"]
+
+
+def test_a_folder_that_is_not_empty_stands(tmp_path: Path) -> None:
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "file").touch()
+    with pytest.raises(OSError, match="not empty"):
+        write_folder_atomically(tmp_path / "full", lambda folder: (folder / "other").touch())
+    assert [path.name for path in tmp_path.rglob("*")] == ["full", "file"]
+
+
+def test_an_interrupted_folder_is_not_there(tmp_path: Path) -> None:
+    def fill(folder: Path) -> None:
+        (folder / "half").touch()
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_folder_atomically(tmp_path / "folder", fill)
+    assert not list(tmp_path.iterdir())

@@ -12,13 +12,14 @@ PACKAGE = ROOT / "basenet_jax"
 
 # From the ground up: a module may import its own line and the lines above.
 LAYERS = (
-    ("config", "atomic", "compilation", "weights_file"),
+    ("config", "atomic", "compilation", "offscreen", "weights_file"),
     ("documents",),
     ("trigonometry",),
     ("geometry",),
     ("robot",),
     ("world",),
     ("task",),
+    ("exports",),
     ("policies",),
     ("planners",),
     ("learning",),
@@ -26,7 +27,7 @@ LAYERS = (
     ("plots",),
     ("api",),
     ("batch",),
-    ("train", "ablate", "evaluate", "plan", "generate", "__main__"),
+    ("train", "ablate", "evaluate", "plan", "plan_outputs", "generate", "__main__"),
 )
 LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}
 

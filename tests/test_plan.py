@@ -7,9 +7,11 @@ import subprocess
 import sys
 
 import jax.numpy as jnp
+import numpy as np
 import pytest
+import yaml
 
-from basenet_jax import api, plan
+from basenet_jax import api, offscreen, plan, plots
 from basenet_jax.planners import registry
 from basenet_jax.planners.protocol import PlanningError
 from basenet_jax.task.plan_file import load_plan
@@ -97,6 +99,56 @@ def test_a_picture_is_drawn(call, suffix):
         assert file.read(5) == {"png": b"\x89PNG\r", "svg": b"<?xml"}[suffix]
 
 
+def test_a_plan_is_exported_in_the_map(call):
+    code, out, err = call("scene.yaml", "--export", "robot", "--table-pose", "1", "2", "90", "--map-frame", "hall")
+    assert (code, err) == (0, "")
+    assert "exported to robot: plan.yaml, execution.csv, bag; the robot takes" in out
+    with open("robot/plan.yaml") as file:
+        content = yaml.load(file, yaml.CSafeLoader)
+    goal = content["commands"][0]["base_goal"]
+    place = goal["pose"]["position"]
+    # From (0.35, -0.9), a quarter of a turn to the left, then (1, 2).
+    assert (place["x"], place["y"]) == pytest.approx((1.9, 2.35))
+    assert goal["header"]["frame_id"] == "hall"
+    code, _, err = call("scene.yaml", "--export", "robot")
+    assert code == 2
+    assert "--export: found robot, which isn't empty" in err
+
+
+def test_an_export_leaves_out_what_fails_and_says_so(call):
+    code, _, err = call("far.yaml", "--export", "robot", "--export-format", "csv")
+    assert code == 3
+    assert err.startswith("basenet_jax.plan: the export leaves out part_7 (out_of_reach)\n")
+    assert os.listdir("robot") == ["execution.csv"]
+
+
+def test_a_film_needs_a_backend(call, monkeypatch):
+    def fail():
+        raise offscreen.RenderError("MuJoCo can't draw here")
+
+    monkeypatch.setattr(plan, "choose_backend", fail)
+    assert call("scene.yaml", "--video", "a.mp4") == (2, "", "basenet_jax.plan: --video: MuJoCo can't draw here\n")
+
+
+def test_a_film_shows_its_progress(call, monkeypatch):
+    frames = [np.full((32, 48, 3), 10 * index, np.uint8) for index in range(5)]
+    asked = {}
+
+    def render(*given, **options):
+        asked.update(options)
+        return plots.Video(options.get("frames_per_s", 30.0), len(frames), iter(frames))
+
+    monkeypatch.setattr(plan, "choose_backend", lambda: None)
+    monkeypatch.setattr(plots, "render_video", render)
+    code, _, err = call("scene.yaml", "--video", "a.mp4", "--video-speed", "4")
+    assert (code, asked) == (0, {"speed": 4.0})
+    assert "film: 5/5 (100 %)" in err
+    with open("a.mp4", "rb") as file:
+        assert file.read(8)[4:] == b"ftyp"
+    assert call("scene.yaml", "--video", "a.gif")[0] == 0
+    assert asked["width"] == 480
+
+
 def test_explain_counts_base_poses(call, monkeypatch):
     from basenet_jax.planners import protocol
 
@@ -123,8 +175,13 @@ def test_explain_counts_base_poses(call, monkeypatch):
         (["scene.yaml", "--out", "scene.yaml"], "--out: found scene.yaml, which is SCENE too, allowed is another file"),
         (["scene.yaml", "--out", "a.png", "--picture", "./a.png"], "--picture: found a.png, which is --out too"),
         (["scene.yaml", "--picture", "a.bmp"], "--picture: found a.bmp, allowed are names ending in .png, .pdf, .svg"),
+        (["scene.yaml", "--export", "."], "--export: found ., which isn't empty, allowed is a new or empty folder"),
+        (["scene.yaml", "--export", "no/where"], "--export: found no/where, whose folder isn't there, allowed is"),
+        (["scene.yaml", "--table-pose", "0", "nan", "0"], "--table-pose: found (0.0, nan, 0.0), allowed are finite"),
+        (["scene.yaml", "--video", "a.avi"], "--video: found a.avi, allowed are names ending in .mp4, .gif"),
+        (["scene.yaml", "--video-speed", "0"], "--video-speed: found 0.0, allowed are numbers above 0"),
     ],
-    ids=range(7),
+    ids=range(12),
 )
 def test_bad_input_is_refused_before_planning(call, made, arguments, said):
     code, out, err = call(*arguments)

@@ -1,39 +1,42 @@
-"""Plans as MuJoCo sees them: images and short videos, drawn off screen.
+"""Plans as MuJoCo sees them: images and frames of videos, drawn off screen.
 
 This needs an OpenGL backend. On a machine without a display the environment variable MUJOCO_GL has to name one (`egl`
-on most, `osmesa` where only software is left) before MuJoCo is imported, that is, before Python starts.
+on most, `osmesa` where only software is left) before MuJoCo is imported; `offscreen.choose_backend` does so.
 """
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled module comes without type stubs.)
 
 import contextlib
-import io
 import os
 from collections.abc import Iterator
-from pathlib import Path
+from typing import NamedTuple
 
 import jax
 import mujoco
 import numpy as np
 from jaxtyping import UInt8
-from PIL import Image
 
-from basenet_jax.atomic import write_atomically
-from basenet_jax.config import PickConfig
-from basenet_jax.plots.motion import Motion, plan_motion
+from basenet_jax.config import WorldConfig
+from basenet_jax.offscreen import RenderError
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.robot_mjcf import TOOL_SITE
+from basenet_jax.task.motion import Motion, plan_motion
 from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.world.mujoco_scene import PARKED, ROBOT, scene_model, state_addresses
 from basenet_jax.world.scene import Scene
 
 _ELEVATION = -32.0  # degrees, of the camera's axis
 _ALONG_THE_TABLE = 115.0  # degrees, the direction in which the video's camera looks
+_FOLLOWING = 0.4  # of the way from the table's centre to the base: where it looks at
 
 
-class RenderError(RuntimeError):
-    """MuJoCo can't draw here, and what to do about it."""
+class Video(NamedTuple):
+    """Frames that are drawn as they are asked for."""
+
+    frames_per_s: float
+    frame_count: int
+    frames: Iterator[UInt8[np.ndarray, "height width 3"]]
 
 
 def render_plan(
@@ -45,7 +48,7 @@ def render_plan(
     step: int = 0,
     width: int = 960,
     height: int = 640,
-    config: PickConfig = PickConfig(),
+    config: WorldConfig = WorldConfig(),
 ) -> UInt8[np.ndarray, "height width 3"]:
     """An image (RGB) of the robot at the grasp of one step; objects of earlier steps are gone.
 
@@ -57,7 +60,7 @@ def render_plan(
         step: of the plan, from 0; it must have been feasible.
         width: of the image in pixels, and
         height: its height.
-        config: of the pick cycle.
+        config: of drives and the pick cycle.
 
     Raises:
         ValueError: the step is none of the plan's feasible ones.
@@ -80,41 +83,28 @@ def render_video(
     plan: Plan,
     outcome: Outcome,
     *,
-    frames_per_s: float = 8.0,
+    frames_per_s: float = 30.0,
     speed: float = 8.0,
-    width: int = 480,
-    height: int = 320,
-    config: PickConfig = PickConfig(),
-) -> UInt8[np.ndarray, "frames height width 3"]:
+    width: int = 960,
+    height: int = 640,
+    config: WorldConfig = WorldConfig(),
+) -> Video:
     """The plan's whole execution, faster than life by `speed`; objects vanish when they are put down.
 
-    Args and errors as for `render_plan`; `frames_per_s` are those of the video.
+    Args and errors as for `render_plan`, the latter when the first frame is asked for; `frames_per_s` are the video's.
     """
-    painter = _Painter(robot, scene, plan, outcome)
-    frames = []
-    with _renderer(painter.model, width, height) as renderer:
-        motion = plan_motion(robot, scene, plan, outcome, config)
-        for time in np.arange(0.0, float(motion.time[-1]) + 1e-9, speed / frames_per_s):
-            painter.set_time(motion, float(time))
-            frames.append(painter.draw(renderer, azimuth=_ALONG_THE_TABLE, distance=5.5))
-    return np.stack(frames)
+    motion = plan_motion(robot, scene, plan, outcome, config)
+    times = np.arange(0.0, float(motion.time[-1]) + 1e-9, speed / frames_per_s)
 
+    def frames() -> Iterator[np.ndarray]:
+        painter = _Painter(robot, scene, plan, outcome)
+        with _renderer(painter.model, width, height) as renderer:
+            for time in times.tolist():
+                painter.set_time(motion, time)
+                x, y = _FOLLOWING * motion.at(time)[0][:2]
+                yield painter.draw(renderer, azimuth=_ALONG_THE_TABLE, distance=5.5, at=(x, y))
 
-def save_video(
-    path: str | os.PathLike[str], frames: UInt8[np.ndarray, "frames height width 3"], frames_per_s: float = 8.0
-) -> None:
-    """Writes frames as an animated GIF, whole or not at all.
-
-    Raises:
-        ValueError: the name doesn't end in .gif.
-        OSError: it can't be written.
-    """
-    if Path(path).suffix.lower() != ".gif":
-        raise ValueError(f"path: found {path}, allowed are names ending in .gif")
-    first, *rest = (Image.fromarray(frame).quantize() for frame in frames)
-    stream = io.BytesIO()
-    first.save(stream, "GIF", save_all=True, append_images=rest, duration=1000 / frames_per_s, loop=0)
-    write_atomically(path, stream.getvalue())
+    return Video(frames_per_s, len(times), frames())
 
 
 def _beside(base_pose: np.ndarray) -> float:
@@ -150,10 +140,12 @@ class _Painter:
         self._move(base_pose, joints)
         mujoco.mj_forward(self.model, self._data)
 
-    def draw(self, renderer: mujoco.Renderer, azimuth: float, distance: float) -> np.ndarray:
-        """The image from a camera that looks at the table from `distance` (m), to where `azimuth` (degrees) points."""
+    def draw(
+        self, renderer: mujoco.Renderer, azimuth: float, distance: float, at: tuple[float, float] = (0.0, 0.0)
+    ) -> np.ndarray:
+        """The image from a camera that looks at a place (m), from `distance` (m), towards `azimuth` (degrees)."""
         camera = mujoco.MjvCamera()
-        camera.lookat[:] = (0.0, 0.0, 0.6)
+        camera.lookat[:] = (*at, 0.6)
         camera.distance, camera.azimuth, camera.elevation = distance, azimuth, _ELEVATION
         renderer.update_scene(self._data, camera)
         return renderer.render()

@@ -1,17 +1,19 @@
 """MuJoCo's pictures, in processes of their own: the backend is chosen before MuJoCo is imported."""
 
+import importlib.util
 import itertools
 import os
 import subprocess
 import sys
 from pathlib import Path
 
+import av
 import numpy as np
 import pytest
 from PIL import Image, ImageSequence
 
 from basenet_jax.plots import render_plan, save_video
-from basenet_jax.plots.motion import plan_motion
+from basenet_jax.task.motion import plan_motion
 from tests import judged
 
 ROOT = Path(__file__).parents[2]
@@ -35,8 +37,9 @@ try:
 except RenderError as error:
     sys.exit(f"RenderError: {error}")
 Image.fromarray(image).save(sys.argv[1] + "/image.png")
-frames = render_video(robot, *pieces, width=96, height=64, frames_per_s=1.0, speed=3.0)
-save_video(sys.argv[1] + "/video.gif", frames)
+for name in ("video.gif", "video.mp4"):
+    video = render_video(robot, *pieces, width=96, height=64, frames_per_s=1.0, speed=3.0)
+    save_video(sys.argv[1] + "/" + name, video.frames, video.frames_per_s)
 """
 
 
@@ -65,6 +68,10 @@ def test_image_and_video_show_a_moving_robot(tmp_path, robot, scene, plan):
     assert image.std() > 10, "something is in the picture"
     with Image.open(tmp_path / "video.gif") as video:
         frames = [np.asarray(frame.convert("RGB"), float) for frame in ImageSequence.Iterator(video)]
+    with av.open(str(tmp_path / "video.mp4"), "r") as video:
+        film = [frame.to_ndarray(format="rgb24").astype(float) for frame in video.decode(video=0)]
+    assert [frame.shape for frame in film] == len(frames) * [(64, 96, 3)]
+    assert np.mean(np.abs(np.array(film) - np.array(frames))) < 10, "both show the same, as well as they can"
     motion = plan_motion(robot, scene, plan, judged.made_up_outcome())
     assert len(frames) == int(motion.time[-1] / 3.0) + 1
     changes = [np.abs(after - before).max() for before, after in itertools.pairwise(frames)]
@@ -76,7 +83,33 @@ def test_only_feasible_steps_can_be_drawn(robot, scene, plan, outcome):
         render_plan(robot, scene, plan, judged.with_failure(outcome, 0), step=0)
 
 
-def test_a_video_is_a_gif_or_nothing(tmp_path):
-    with pytest.raises(ValueError, match=r"names ending in \.gif"):
-        save_video(tmp_path / "video.mp4", np.zeros((2, 8, 8, 3), np.uint8))
+def frames_of(count):
+    """A bright column that wanders over a dark picture."""
+    for index in range(count):
+        frame = np.full((32, 48, 3), 20, np.uint8)
+        frame[:, 4 * index : 4 * index + 4] = 240
+        yield frame
+
+
+@pytest.mark.parametrize("name", ["video.mp4", "video.gif"])
+def test_frames_are_taken_one_by_one_and_all_written(tmp_path, name):
+    save_video(tmp_path / name, frames_of(12), frames_per_s=10.0)
+    with av.open(str(tmp_path / name), "r") as video:
+        assert float(video.streams.video[0].average_rate or 0) == pytest.approx(10.0, rel=0.01)
+        frames = [frame.to_ndarray(format="rgb24") for frame in video.decode(video=0)]
+    brightest = [int(frame.mean(axis=(0, 2)).argmax()) // 4 for frame in frames]
+    assert brightest == list(range(12))
+
+
+def test_a_video_has_a_known_ending_or_is_not_made(tmp_path):
+    with pytest.raises(ValueError, match=r"names ending in \.mp4, \.gif"):
+        save_video(tmp_path / "video.avi", frames_of(2))
     assert not list(tmp_path.iterdir())
+
+
+def test_without_pyav_the_message_says_what_to_install(tmp_path, monkeypatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(ValueError, match=r'needs the package av: pip install "basenet_jax\[video\]"'):
+        save_video(tmp_path / "video.mp4", frames_of(2))
+    save_video(tmp_path / "video.gif", frames_of(2))
+    assert [path.name for path in tmp_path.iterdir()] == ["video.gif"]

@@ -1,0 +1,155 @@
+"""What a robot is told to do and when: base goals, arm trajectories and gripper commands, in order of time.
+
+Poses are in the frame that the robot navigates in, called map here, in which the table has a pose.
+"""
+
+import dataclasses
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from basenet_jax.config import ExportConfig, WorldConfig
+from basenet_jax.robot.model import Robot
+from basenet_jax.task.motion import Doing, Motion, plan_motion
+from basenet_jax.task.plan import Outcome, Plan
+from basenet_jax.world.scene import NamedScene
+
+NANOSECONDS = 1_000_000_000
+BASE = (Doing.TURN, Doing.DRIVE)
+_GRIPPER = {Doing.CLOSE: "close", Doing.OPEN: "open"}
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Joint states (rad, rad/s, rad/s^2; m for sliding joints) at times since its beginning, from rest to rest."""
+
+    time_ns: tuple[int, ...]  # strictly increasing, from 0
+    positions: Float[np.ndarray, "T dof"]
+    velocities: Float[np.ndarray, "T dof"]
+    accelerations: Float[np.ndarray, "T dof"]
+
+
+@dataclass(frozen=True)
+class Command:
+    """One thing to do: exactly one of `goal`, `trajectory` and `gripper` is there."""
+
+    time_ns: int  # since the plan's beginning
+    duration_ns: int
+    object: str  # name of the object that it is for
+    doing: str
+    goal: tuple[float, float, float] | None = None  # base pose x, y (m), yaw (rad) in the map
+    trajectory: Trajectory | None = None
+    gripper: str | None = None  # "close" or "open"
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """A plan's execution, ready to be written down."""
+
+    robot: str
+    joint_names: tuple[str, ...]
+    prismatic: tuple[bool, ...]
+    map_frame: str
+    table_pose: tuple[float, float, float]  # x, y (m), yaw (rad) in the map
+    motion: Motion  # in the table frame
+    objects: tuple[str, ...]  # name of the object of each step of the plan
+    commands: tuple[Command, ...]
+
+    @property
+    def duration_s(self) -> float:
+        """Of the whole execution."""
+        return float(self.motion.time[-1])
+
+
+def make_schedule(
+    robot: Robot,
+    scene: NamedScene,
+    plan: Plan,
+    outcome: Outcome,
+    *,
+    table_pose: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    map_frame: str = "map",
+    config: ExportConfig = ExportConfig(),
+    world: WorldConfig = WorldConfig(),
+) -> Schedule:
+    """The commands of a plan. Steps that are not feasible are left out, their drives too.
+
+    Args:
+        robot: the scene's.
+        scene: one scene.
+        plan: of that scene.
+        outcome: of executing it.
+        table_pose: x, y (m) and yaw (rad) of the table's frame in the map.
+        map_frame: the map's name.
+        config: of sampling.
+        world: of drives and the pick cycle.
+    """
+    plan, outcome = jax.device_get((plan, outcome))
+    outcome = dataclasses.replace(outcome, is_step=outcome.is_step & outcome.feasible)
+    motion = plan_motion(robot, scene.arrays, plan, outcome, world, smoothing_s=config.smoothing_s)
+    objects = tuple(scene.names[slot] if slot >= 0 else "" for slot in plan.object_index.tolist())
+    return Schedule(
+        robot=robot.name,
+        joint_names=robot.joint_names,
+        prismatic=robot.prismatic,
+        map_frame=map_frame,
+        table_pose=table_pose,
+        motion=motion,
+        objects=objects,
+        commands=tuple(_commands(motion, objects, table_pose, config)),
+    )
+
+
+def in_map(
+    pose: Float[np.ndarray, "*batch 3"], table_pose: tuple[float, float, float]
+) -> Float[np.ndarray, "*batch 3"]:
+    """Base poses (x, y, heading) in the table's frame as poses in the map, their yaw in [-pi, pi]."""
+    x, y, yaw = table_pose
+    cosine, sine = np.cos(yaw), np.sin(yaw)
+    rotation = np.array([[cosine, -sine], [sine, cosine]])
+    turned = pose[..., 2] + yaw
+    place = pose[..., :2] @ rotation.T + np.array([x, y])
+    return np.concatenate([place, np.arctan2(np.sin(turned), np.cos(turned))[..., None]], axis=-1)
+
+
+def _commands(
+    motion: Motion, objects: tuple[str, ...], table_pose: tuple[float, float, float], config: ExportConfig
+) -> Iterator[Command]:
+    for _, group in itertools.groupby(range(len(motion.parts)), lambda key: _one_command(motion, key)):
+        keys = list(group)
+        first, last = keys[0], keys[-1]
+        part = motion.parts[first]
+        begin, end = (int(_nanoseconds(motion.time[key])) for key in (first, last + 1))
+        command = Command(begin, end - begin, objects[part.step], str(part.doing))
+        if part.doing in BASE:
+            x, y, yaw = in_map(motion.base_pose[last + 1], table_pose).tolist()
+            yield dataclasses.replace(command, doing=str(Doing.DRIVE), goal=(x, y, yaw))
+        elif part.doing in _GRIPPER:
+            yield dataclasses.replace(command, gripper=_GRIPPER[part.doing])
+        else:
+            yield dataclasses.replace(command, trajectory=_trajectory(motion, first, config))
+
+
+def _one_command(motion: Motion, key: int) -> int:
+    """Equal for parts that one command stands for: all turns and drives to one base pose."""
+    part = motion.parts[key]
+    return -1 - part.step if part.doing in BASE else key
+
+
+def _trajectory(motion: Motion, key: int, config: ExportConfig) -> Trajectory:
+    """The arm move after a key state."""
+    law = motion.parts[key].law
+    time_ns = np.unique(_nanoseconds(law.sample_times(config.rate_hz)))
+    progress = law.at(time_ns / NANOSECONDS)
+    way = motion.joints[key + 1] - motion.joints[key]
+    share, speed, acceleration = (each[:, None] * way for each in progress)
+    share[-1], speed[-1] = way, 0.0  # the last nanosecond may have been rounded away
+    return Trajectory(tuple(time_ns.tolist()), motion.joints[key] + share, speed, acceleration)
+
+
+def _nanoseconds(time_s):
+    return np.rint(np.asarray(time_s) * NANOSECONDS).astype(np.int64)

@@ -1,0 +1,142 @@
+"""What the plan command writes: the plan, its pictures, its film, and its export for a robot."""
+
+import io
+import sys
+from collections.abc import Iterator
+from math import inf, isfinite, radians
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from basenet_jax import api
+from basenet_jax.atomic import write_atomically
+from basenet_jax.evaluation.outputs import check_different, check_output_file
+from basenet_jax.exports import check_export
+from basenet_jax.learning.progress import make_reporter
+from basenet_jax.task.plan_file import save_plan
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from basenet_jax.plan import Arguments
+    from basenet_jax.planners.timed import TimedPlan
+    from basenet_jax.robot.model import Robot
+    from basenet_jax.task.plan import Outcome
+    from basenet_jax.world.scene import NamedScene
+
+
+class OutputError(ValueError):
+    """An output that can't be made or written; the message says which and why."""
+
+
+def check_outputs(options: "Arguments") -> None:
+    """Whether all that is asked for can be written, as far as can be told before there is a plan.
+
+    Raises:
+        ValueError: it can't; the message names the option, what was found and what is allowed.
+    """
+    files = {"--out": options.out, "--picture": options.picture, "--video": options.video}
+    check_different({"SCENE": options.scene, **files})
+    suffixes = {"--out": (), "--picture": (".png", ".pdf", ".svg"), "--video": (".mp4", ".gif")}
+    for option, path in files.items():
+        if path:
+            check_output_file(option, path, suffixes[option])
+    if options.video:
+        from basenet_jax.plots import check_video  # Matplotlib takes half a second to import
+
+        check_video("--video", options.video)
+    if not 0 < options.video_speed < inf:
+        raise ValueError(f"--video-speed: found {options.video_speed}, allowed are numbers above 0")
+    if options.export:
+        check_export("--export", options.export, options.export_format)
+    if not all(isfinite(number) for number in options.table_pose):
+        raise ValueError(f"--table-pose: found {options.table_pose}, allowed are finite numbers")
+
+
+def write_outputs(
+    options: "Arguments", robot: "Robot", scene: "NamedScene", timed: "TimedPlan", outcome: "Outcome"
+) -> list[str]:
+    """Makes all that is asked for, then writes it.
+
+    Args:
+        options: of the command.
+        robot: the scene's.
+        scene: what was planned.
+        timed: its plan.
+        outcome: of executing it.
+
+    Returns:
+        Lines to print.
+
+    Raises:
+        OutputError: something can't be made or written.
+    """
+    picture = _draw(api.plot_plan(scene, timed.plan), options.picture) if options.picture else b""
+    video = _film(options, robot, scene, timed, outcome) if options.video else b""
+    said: list[str] = []
+    path = options.out
+    try:
+        if path:
+            times = {"planning_time_s": timed.planning_time_s, "compile_time_s": timed.compile_time_s}
+            save_plan(path, scene, timed.plan, outcome, planner=options.planner, **times)
+        for path, content in ((options.picture, picture), (options.video, video)):
+            if path:
+                write_atomically(path, content)
+        path = options.export
+        if path:
+            said = _export(options, path, scene, timed, outcome)
+    except OSError as error:
+        raise OutputError(f"{path}: can't be written: {error.strerror}") from error
+    return said
+
+
+def _draw(figure: "Figure", path: Path) -> bytes:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format=path.suffix.lower()[1:], dpi=150, bbox_inches="tight")
+    return buffer.getvalue()
+
+
+def _film(options: "Arguments", robot: "Robot", scene: "NamedScene", timed: "TimedPlan", outcome: "Outcome") -> bytes:
+    from basenet_jax.plots import RenderError, encode_video, render_video
+
+    assert options.video
+    suffix = options.video.suffix.lower()
+    # A GIF of 960 x 640 pixels and 30 frames a second would take tens of MB.
+    size = {"width": 480, "height": 320, "frames_per_s": 10.0} if suffix == ".gif" else {}
+    video = render_video(robot, scene.arrays, timed.plan, outcome, speed=options.video_speed, **size)
+    reporter = make_reporter()
+
+    def frames() -> Iterator[np.ndarray]:
+        reporter.start("film", video.frame_count, unit="frames")
+        for done, frame in enumerate(video.frames, start=1):
+            yield frame
+            reporter.update(done, {})
+
+    try:
+        return encode_video(suffix, frames(), video.frames_per_s)
+    except RenderError as error:
+        raise OutputError(f"--video: {error}") from error
+    finally:
+        reporter.finish()
+
+
+def _export(
+    options: "Arguments", folder: Path, scene: "NamedScene", timed: "TimedPlan", outcome: "Outcome"
+) -> list[str]:
+    if not outcome.grasped:
+        return [f"nothing is exported to {folder}: no object can be grasped"]
+    x, y, yaw = options.table_pose
+    done = api.export_plan(
+        scene,
+        timed.plan,
+        folder,
+        table_pose=(x, y, radians(yaw)),
+        map_frame=options.map_frame,
+        formats=options.export_format,
+    )
+    if done.left_out:
+        names = ", ".join(f"{name} ({reason})" for name, reason in done.left_out.items())
+        print(f"basenet_jax.plan: the export leaves out {names}", file=sys.stderr)
+    files = ", ".join(path.name for path in done.files)
+    return [f"exported to {folder}: {files}; the robot takes {done.duration_s:.1f} s"]

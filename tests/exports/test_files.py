@@ -1,0 +1,107 @@
+"""Every file says the same: what is read back is the schedule."""
+
+import csv
+import io
+
+import numpy as np
+import pytest
+import yaml
+
+from basenet_jax.exports.bag import write_bag
+from basenet_jax.exports.csv_text import to_csv
+from basenet_jax.exports.schedule import NANOSECONDS
+from basenet_jax.exports.yaml_text import to_yaml
+from tests.exports.conftest import TABLE_POSE
+
+
+def seconds(time):
+    """Of a ROS time or duration, as a mapping or a message."""
+    sec, nanosec = (time["sec"], time["nanosec"]) if isinstance(time, dict) else (time.sec, time.nanosec)
+    assert 0 <= nanosec < NANOSECONDS
+    return sec + nanosec / NANOSECONDS
+
+
+@pytest.fixture(scope="module")
+def document(schedule):
+    return yaml.load(to_yaml(schedule), yaml.CSafeLoader)
+
+
+def test_yaml_says_what_it_is(document, schedule):
+    assert document["format"] == "basenet-execution/1"
+    assert document["robot"] == "ur5e_mobile"
+    assert tuple(document["table_pose"].values()) == TABLE_POSE
+    assert document["duration_s"] == pytest.approx(schedule.duration_s, abs=1e-8)
+
+
+def test_yaml_holds_the_messages(document, schedule):
+    assert len(document["commands"]) == len(schedule.commands)
+    for each, command in zip(document["commands"], schedule.commands, strict=True):
+        assert (each["doing"], each["object"]) == (command.doing, command.object)
+        assert each["at_s"] == pytest.approx(command.time_ns / NANOSECONDS)
+        assert each["lasts_s"] == pytest.approx(command.duration_ns / NANOSECONDS)
+        if command.goal:
+            header, pose = each["base_goal"]["header"], each["base_goal"]["pose"]
+            assert header["frame_id"] == "hall"
+            assert seconds(header["stamp"]) == pytest.approx(each["at_s"])
+            assert (pose["position"]["x"], pose["position"]["y"]) == pytest.approx(command.goal[:2])
+            turn = complex(pose["orientation"]["w"], pose["orientation"]["z"]) ** 2  # half the angle, doubled
+            assert turn == pytest.approx(np.exp(1j * command.goal[2]))
+        elif command.trajectory:
+            message = each["arm_trajectory"]
+            assert message["joint_names"] == list(schedule.joint_names)
+            for name in ("positions", "velocities", "accelerations"):
+                values = [point[name] for point in message["points"]]
+                np.testing.assert_allclose(values, getattr(command.trajectory, name), atol=1e-9)
+            times = [seconds(point["time_from_start"]) for point in message["points"]]
+            np.testing.assert_allclose(times, np.array(command.trajectory.time_ns) / NANOSECONDS)
+        else:
+            assert each["gripper"] == command.gripper
+
+
+def test_csv_is_the_motion_over_time(schedule):
+    rows = list(csv.DictReader(io.StringIO(to_csv(schedule, 50.0).decode())))
+    time = np.array([float(row["time_s"]) for row in rows])
+    assert time[0] == 0.0
+    assert time[-1] == pytest.approx(schedule.duration_s, abs=1e-6)
+    assert np.all(np.diff(time) >= 0)
+    assert np.diff(time).max() < 0.023
+    assert [name for name in rows[0] if name.endswith("_rad")][1:] == [f"{name}_rad" for name in schedule.joint_names]
+    first, last = ([float(row[f"base_{name}"]) for name in ("x_m", "y_m", "yaw_rad")] for row in (rows[0], rows[-1]))
+    assert last == pytest.approx(schedule.commands[0].goal, abs=1e-5)
+    start = complex(*TABLE_POSE[:2]) + complex(2.6, -0.5) * np.exp(1j * TABLE_POSE[2])
+    assert complex(*first[:2]) == pytest.approx(start, abs=1e-5)
+    pan = np.array([float(row["shoulder_pan_rad"]) for row in rows])
+    assert np.abs(np.diff(pan)).max() <= 1.0 * 0.023
+    assert {row["doing"] for row in rows} == {"turn", *(command.doing for command in schedule.commands)}
+    assert {row["object"] for row in rows} == {"mug_1", "mug_2"}
+
+
+def test_a_bag_is_read_back_by_rosbags(schedule, tmp_path):
+    rosbags = pytest.importorskip("rosbags.highlevel")
+    from rosbags.typesys import Stores, get_typestore
+
+    write_bag(tmp_path / "bag", schedule)
+    store = get_typestore(Stores.ROS2_JAZZY)  # written by the definitions of another distribution
+    with rosbags.AnyReader([tmp_path / "bag"], default_typestore=store) as reader:
+        read = [(c.topic, c.msgtype, time, reader.deserialize(raw, c.msgtype)) for c, time, raw in reader.messages()]
+    assert [time for _, _, time, _ in read] == [command.time_ns for command in schedule.commands]
+    for (topic, kind, time, message), command in zip(read, schedule.commands, strict=True):
+        if command.goal:
+            assert (topic, kind) == ("/base_goal", "geometry_msgs/msg/PoseStamped")
+            assert message.header.frame_id == "hall"
+            position, turn = message.pose.position, message.pose.orientation
+            assert (position.x, position.y, position.z) == (*command.goal[:2], 0.0)
+            assert (turn.x, turn.y) == (0.0, 0.0)
+            assert complex(turn.w, turn.z) ** 2 == pytest.approx(np.exp(1j * command.goal[2]))
+        elif command.trajectory:
+            assert (topic, kind) == ("/arm_trajectory", "trajectory_msgs/msg/JointTrajectory")
+            assert message.joint_names == list(schedule.joint_names)
+            for name in ("positions", "velocities", "accelerations"):
+                values = [getattr(point, name) for point in message.points]
+                np.testing.assert_array_equal(values, getattr(command.trajectory, name))
+            times = [seconds(point.time_from_start) for point in message.points]
+            np.testing.assert_allclose(times, np.array(command.trajectory.time_ns) / NANOSECONDS)
+        else:
+            assert (topic, kind, message.data) == ("/gripper", "std_msgs/msg/String", command.gripper)
+            continue
+        assert seconds(message.header.stamp) == pytest.approx(time / NANOSECONDS, abs=1e-9)
