@@ -26,7 +26,8 @@ LAYERS = (
     ("plots",),
     ("api",),
     ("batch",),
-    ("train", "ablate", "evaluate", "plan", "generate", "__main__"),
+    ("viewer",),
+    ("train", "ablate", "evaluate", "plan", "generate", "view", "__main__"),
 )
 LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}
 

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import Array
 from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 
@@ -45,13 +46,15 @@ def plan_motion(robot: Robot, scene: Scene, plan: Plan, outcome: Outcome, config
     """
     scene, plan, outcome = jax.device_get((scene, plan, outcome))
     keys = _Keys(np.asarray(scene.robot_start, float), np.asarray(robot.home, float))
+    durations = np.asarray(_move_durations(robot, outcome.joints), float)
     for step in np.flatnonzero(outcome.is_step & plan.served):
         drive = float(outcome.navigation_time[step])
         if drive > 0:
             path = navigation_path(robot, keys.base_pose[-1], plan.base_pose[step], scene.table)
             keys.drive(_base_poses(path, keys.base_pose[-1], plan.base_pose[step]), drive)
         if outcome.feasible[step]:
-            _pick(keys, robot, np.asarray(outcome.joints[step], float), int(plan.object_index[step]), config)
+            waypoints, slot = np.asarray(outcome.joints[step], float), int(plan.object_index[step])
+            _pick(keys, robot, waypoints, durations[step].tolist(), slot, config)
     columns = (keys.time, keys.base_pose, keys.joints, keys.held, keys.done)
     return Motion(*(np.array(column) for column in columns))
 
@@ -96,18 +99,24 @@ def _base_poses(path: np.ndarray, start: ArrayLike, goal: ArrayLike) -> np.ndarr
     return min(candidates, key=lambda candidate: candidate[0])[1]
 
 
-def _pick(keys: _Keys, robot: Robot, waypoints: np.ndarray, slot: int, config: PickConfig) -> None:
-    home, stow = np.asarray(robot.home, float), np.asarray(robot.stow, float)
+def _pick(
+    keys: _Keys, robot: Robot, waypoints: np.ndarray, durations: list[float], slot: int, config: PickConfig
+) -> None:
+    to_above, to_grasp, to_stow, to_home = durations
     above, grasp = waypoints[0], waypoints[-1]
-    to_grasp, to_home = _duration(robot, above, grasp), _duration(robot, stow, home)
-    keys.add(_duration(robot, home, above), joints=above)
+    keys.add(to_above, joints=above)
     keys.add(to_grasp, joints=grasp)
     keys.add(config.close_s, held=slot)
     keys.add(to_grasp, joints=above)
-    keys.add(_duration(robot, above, stow), joints=stow)
+    keys.add(to_stow, joints=np.asarray(robot.stow, float))
     keys.add(config.open_s, held=-1, done=1)
-    keys.add(to_home, joints=home)
+    keys.add(to_home, joints=np.asarray(robot.home, float))
 
 
-def _duration(robot: Robot, start: np.ndarray, goal: np.ndarray) -> float:
-    return float(joint_move_duration(robot, jnp.asarray(start), jnp.asarray(goal)))
+@jax.jit
+def _move_durations(robot: Robot, joints: Float[Array, "M waypoints dof"]) -> Float[Array, "M 4"]:
+    """Durations (s) of each step's moves: home to pre-grasp, on to the grasp, pre-grasp to stow, stow to home."""
+    above, grasp = joints[:, 0], joints[:, -1]
+    home, stow = (jnp.broadcast_to(jnp.asarray(state), above.shape) for state in (robot.home, robot.stow))
+    starts, goals = jnp.stack([home, above, above, stow], axis=1), jnp.stack([above, grasp, stow, home], axis=1)
+    return joint_move_duration(robot, starts, goals)
