@@ -2,7 +2,6 @@
 
 import importlib.util
 import os
-import socket
 import sys
 import threading
 from dataclasses import dataclass
@@ -59,14 +58,14 @@ def _view(options: Arguments) -> int:
     from basenet_jax.api import planner_for, sample_scene
     from basenet_jax.compilation import enable_cache
     from basenet_jax.robot.reading import DEFAULT_ROBOT
-    from basenet_jax.viewer.app import Viewer
+    from basenet_jax.viewer.app import Viewer, check_address
     from basenet_jax.viewer.session import Choices
     from basenet_jax.world.scene_file import load_scene
 
     enable_cache()
     planners = (options.planner, *([options.compare] if options.compare else []))
     try:
-        _check_address(options.host, options.port)
+        check_address(options.host, options.port)
         if options.scene is not None:
             scene = load_scene(options.scene, robot=options.robot)
         else:
@@ -85,17 +84,6 @@ def _view(options: Arguments) -> int:
         if not viewer.close():
             os._exit(0)  # a compilation goes on, which Python would wait for
     return 0
-
-
-def _check_address(host: str, port: int) -> None:
-    """Raises ValueError if nothing can be served there."""
-    if not 0 <= port <= 65535:
-        raise ValueError(f"--port: found {port}, allowed are 0 to 65535")
-    try:
-        with socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET):
-            pass
-    except OSError as error:
-        raise ValueError(f"--host, --port: found {host} {port}, which can't be served on: {error.strerror}") from None
 
 
 def _fail(code: int, message: str) -> int:

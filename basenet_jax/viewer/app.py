@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import socket
 import threading
 
 import viser
@@ -44,7 +45,24 @@ class Viewer:
 
     def close(self) -> bool:
         """Ends all of it; False if a compilation goes on, which nothing can break off."""
+        self.page.timeline.close()
+        ended = self.session.close()
         with contextlib.redirect_stdout(io.StringIO()):
             self.server.stop()
-        self.page.timeline.close()
-        return self.session.close()
+        return ended
+
+
+def check_address(host: str, port: int) -> None:
+    """Finds out beforehand what the server would try for ever.
+
+    Raises:
+        ValueError: nothing can be served there.
+    """
+    if not 0 <= port <= 65535:
+        raise ValueError(f"--port: found {port}, allowed are 0 to 65535")
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    try:
+        socket.create_server((host, port), family=family).close()
+    except OSError as error:
+        found = f"found {host} and {port}, where nothing can be served ({error.strerror})"
+        raise ValueError(f"--host, --port: {found}; allowed are an address of this machine and a free port") from None

@@ -57,9 +57,7 @@ class Controls:
             try:
                 act(event)
             except ValueError as error:
-                event.client.add_notification(
-                    "That can't be done", str(error), auto_close_seconds=_NOTICE_S, color="red"
-                )
+                event.client.add_notification(_REFUSED, str(error), auto_close_seconds=_NOTICE_S, color="red")
 
         return callback
 
@@ -96,7 +94,11 @@ class Controls:
         with self._drawing:
             self._seed += 1
             scene = self._session.scene
-            drawn = api.sample_scene(jax.random.key(self._seed), objects=len(scene.names), robot=scene.robot)
+            self._page.show_status("drawing a scene")  # the first of a size is compiled for
+            try:
+                drawn = api.sample_scene(jax.random.key(self._seed), objects=len(scene.names), robot=scene.robot)
+            finally:
+                self._page.show_status("")
         self._session.replace_scene(drawn)
 
     def _upload_scene(self, event: Event) -> None:

@@ -32,8 +32,17 @@ def draw_surroundings(server: viser.ViserServer, table: Table) -> None:
     """Floor and table, and where the camera stands at first."""
     scene = server.scene
     scene.configure_environment_map("warehouse", background=False, environment_intensity=0.4)
-    floor = {"plane_color": (243, 242, 238), "cell_color": (226, 225, 220), "section_color": (205, 203, 196)}
-    scene.add_grid("/floor", 12.0, 12.0, cell_size=0.5, section_size=1.0, plane_opacity=1.0, **floor)
+    scene.add_grid(
+        "/floor",
+        12.0,
+        12.0,
+        cell_size=0.5,
+        cell_color=(226, 225, 220),
+        section_size=1.0,
+        section_color=(205, 203, 196),
+        plane_color=(243, 242, 238),
+        plane_opacity=1.0,
+    )
     draw_table(scene, table)
     camera = server.initial_camera
     camera.position, camera.look_at, camera.fov = (0.7, -5.2, 5.6), (0.7, -0.1, 0.2), np.radians(42.0)

@@ -42,7 +42,7 @@ def pad(scene: NamedScene) -> NamedScene:
         room[:count] = values[:count]
         return room
 
-    padded = arrays.replace(**{leaf: fill(np.asarray(getattr(arrays, leaf))) for leaf in _BY_OBJECT})
+    padded = dataclasses.replace(arrays, **{leaf: fill(np.asarray(getattr(arrays, leaf))) for leaf in _BY_OBJECT})
     return dataclasses.replace(scene, arrays=padded)
 
 
@@ -50,8 +50,10 @@ def move_object(scene: NamedScene, name: str, pose: Float[np.ndarray, "3"]) -> N
     """The object at (x, y, yaw) in W, or at the nearest place on the table if that is off it.
 
     Raises:
-        PlacementError: another object stands there.
+        PlacementError: another object stands there, or it is gone.
     """
+    if name not in scene.names:
+        raise PlacementError(f"{name} isn't there any more")
     slot, half = scene.names.index(name), np.asarray(scene.arrays.table.half_size)
     poses = np.array(scene.arrays.object_pose)
     poses[slot] = [*np.clip(pose[:2], -half, half), pose[2]]
@@ -94,7 +96,8 @@ def add_object(scene: NamedScene, kind: str) -> NamedScene:
         leaf: np.concatenate([old := getattr(arrays, leaf)[:count], np.asarray(row, old.dtype)[None]])
         for leaf, row in zip(_BY_OBJECT, rows, strict=True)
     }
-    return _at_freest_place(pad(NamedScene(arrays.replace(**longer), (*scene.names, name), scene.robot)), count)
+    grown = NamedScene(dataclasses.replace(arrays, **longer), (*scene.names, name), scene.robot)
+    return _at_freest_place(pad(grown), count)
 
 
 def remove_object(scene: NamedScene, name: str) -> NamedScene:
@@ -106,12 +109,12 @@ def remove_object(scene: NamedScene, name: str) -> NamedScene:
     if len(scene.names) == 1:
         raise PlacementError("the last object can't be removed, add another one first")
     keep = [index for index, other in enumerate(scene.names) if other != name]
-    left = scene.arrays.replace(**{leaf: getattr(scene.arrays, leaf)[keep] for leaf in _BY_OBJECT})
+    left = dataclasses.replace(scene.arrays, **{leaf: getattr(scene.arrays, leaf)[keep] for leaf in _BY_OBJECT})
     return pad(NamedScene(left, tuple(scene.names[index] for index in keep), scene.robot))
 
 
 def _with(scene: NamedScene, **leaves: np.ndarray) -> NamedScene:
-    return dataclasses.replace(scene, arrays=scene.arrays.replace(**leaves))
+    return dataclasses.replace(scene, arrays=dataclasses.replace(scene.arrays, **leaves))
 
 
 def _gaps(scene: NamedScene, slot: int) -> Float[np.ndarray, " N"]:

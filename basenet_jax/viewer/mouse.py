@@ -47,6 +47,8 @@ class Mouse:
             if self._page.timeline.time_s > 0.0:
                 self._page.go_to(0.0)  # what was under the mouse may be elsewhere at the start: nothing is grabbed
                 return
+            if target.name is not None and target.name not in self._session.scene.names:
+                return  # somebody else has just removed it
             pose = pose_of(self._session.scene, target)
             x, y, height = event.start_position
             self._grips[event.client_id] = _Grip(target, height, pose[:2] - (x, y), float(pose[2]))
@@ -70,7 +72,7 @@ class Mouse:
         elif event.phase == "end":
             self._page.select(target)  # the gizmo goes back to what it moves, should that not have followed
 
-    async def _on_click(self, event: viser.SceneClickEvent) -> None:
+    def _on_click(self, event: viser.SceneClickEvent) -> None:
         target, floor = hit(self._session.scene, event.ray_origin, event.ray_direction)
         if floor is not None:
             self._session.ask(floor)

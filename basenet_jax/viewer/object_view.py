@@ -41,8 +41,8 @@ class ObjectViews:
     def place(self, poses: Mapping[str, Placed]) -> None:
         """Moves boxes to where they are."""
         for name, (position, wxyz) in poses.items():
-            box = self._boxes[name]
-            box.position, box.wxyz = position, wxyz
+            if box := self._boxes.get(name):  # a plan may be older than the scene
+                box.position, box.wxyz = position, wxyz
 
     def label(self, texts: Mapping[str, str]) -> None:
         """What stands over each object; nothing over those that aren't named."""

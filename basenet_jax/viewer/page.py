@@ -16,7 +16,7 @@ from basenet_jax.viewer.marks import Gizmo, PlaceMark, StartPlate
 from basenet_jax.viewer.object_view import ObjectViews
 from basenet_jax.viewer.panel import Panel
 from basenet_jax.viewer.plan_view import PlanView
-from basenet_jax.viewer.planned import Planned, Refused
+from basenet_jax.viewer.planned import Awaited, Planned, Shown
 from basenet_jax.viewer.pointing import Target, pose_of
 from basenet_jax.viewer.robot_view import RobotView
 from basenet_jax.viewer.timeline import Timeline
@@ -40,13 +40,11 @@ class Page:
         self.timeline = Timeline(self.show_time, lock)
         self.selected: Target | None = None
         self.on_drag: OnDrag | None = None  # told of all drags of what can be moved
-        self._executions: list[Execution | None] = []  # of the plan, and of the one it is compared with
+        self._executions: list[Execution | None] = [None, None]  # of the plan, and of the one it is compared with
         api = server.scene
         draw_surroundings(server, scene.arrays.table)
         self._objects = ObjectViews(api, lambda box, name: self._bind(box, Target(name)))
-        self._plans = [
-            PlanView(api, f"/plan{i}", color, 0.012 + 0.006 * i, i > 0) for i, color in enumerate(PLAN_COLORS)
-        ]
+        self._plans = [PlanView(api, f"/plan{index}", color, index) for index, color in enumerate(PLAN_COLORS)]
         self._mark, self.gizmo = PlaceMark(api), Gizmo(api)
         self._scene = scene
         self._use_robot(scene)
@@ -59,29 +57,33 @@ class Page:
                 self._use_robot(scene)
             if not _same_table(scene, self._scene):
                 draw_table(self._server.scene, scene.arrays.table)
-            self._scene, self._executions = scene, []
+            self._scene, self._executions = scene, [None, None]
             self._rest()
             self.select(self.selected)
             self._panel.show_objects(scene.names)
             self._panel.show_warning("")
 
-    def show_plans(self, plans: tuple[Planned | Refused, ...]) -> None:
-        """See `Screen`; sent at once."""
-        made = [plan if isinstance(plan, Planned) else None for plan in (*plans, None)][:2]
-        if any(plan is not None and plan.scene.robot != self._scene.robot for plan in made):
+    def show_plans(self, plans: tuple[Shown, ...]) -> None:
+        """See `Screen`; sent at once. What is awaited stays as it was."""
+        if any(isinstance(plan, Planned) and plan.scene.robot != self._scene.robot for plan in plans):
             return  # the robot was changed meanwhile
         with self.lock, self._server.atomic():
             if self.timeline.time_s > 0.0:
                 self._rest()
-            for view, plan in zip(self._plans, made, strict=True):
-                view.show(self._robot, plan)
-            self._views[1].set_visible(made[1] is not None)
-            self._executions = [plan and Execution(plan, self._robot, self._bodies) for plan in made]
-            self._objects.label({} if made[0] is None else words.labels(made[0]))
+            for index, plan in enumerate((*plans, None)[:2]):
+                if not isinstance(plan, Awaited):
+                    self._show_plan(index, plan if isinstance(plan, Planned) else None)
+            self._views[1].set_visible(len(plans) > 1)
             self.timeline.end_s = max((each.end_s for each in self._executions if each), default=0.0)
             self._panel.show_figures(plans)
             self._panel.show_end(self.timeline.end_s)
         self._server.flush()
+
+    def _show_plan(self, index: int, plan: Planned | None) -> None:
+        self._plans[index].show(self._robot, plan)
+        self._executions[index] = None if plan is None else Execution(plan, self._robot, self._bodies)
+        if index == 0:
+            self._objects.label({} if plan is None else words.labels(plan))
 
     def show_answer(self, answer: Answer | None) -> None:
         """See `Screen`."""
@@ -97,11 +99,11 @@ class Page:
     def show_time(self, time_s: float) -> None:
         """Robots and objects as they are at a time (s) of the plans."""
         with self.lock, self._server.atomic():
-            for view, execution in zip(self._views, self._executions, strict=False):
+            for view, execution in zip(self._views, self._executions, strict=True):
                 if execution is not None:
                     view.show(*execution.robot_at(time_s))
-            if self._executions and self._executions[0] is not None:
-                self._objects.place(self._executions[0].objects_at(time_s))
+            if (first := self._executions[0]) is not None:
+                self._objects.place(first.objects_at(time_s))
             self._show_gizmo()
             self._panel.show_time(time_s, playing=self.timeline.playing)
 
@@ -149,7 +151,7 @@ class Page:
             if self.on_drag is not None:
                 await self.on_drag(event, target)
 
-        handle.on_drag("left")(on_drag)
+        handle.on_drag(on_drag)
 
     def _use_robot(self, scene: NamedScene) -> None:
         self._robot = load_robot(scene.robot)

@@ -9,11 +9,12 @@ from basenet_jax.plots.drawing import FAILED
 from basenet_jax.viewer import words
 from basenet_jax.viewer.asking import Answer
 from basenet_jax.viewer.drawing import PLAN_COLORS, css
-from basenet_jax.viewer.planned import Planned, Refused
+from basenet_jax.viewer.planned import Shown
 from basenet_jax.world.scene import OBJECT_CLASSES
 
 NO_PLANNER = "none"
 SPEEDS = {"as in life": 1.0, "4 x faster": 4.0, "8 x faster": 8.0, "16 x faster": 16.0, "32 x faster": 32.0}
+_NO_NAMES: tuple[str, ...] = (words.NOTHING, words.START)  # to select
 _STEP_S = 0.1  # of the timeline's slider
 
 
@@ -51,7 +52,7 @@ class Panel:
         self._warning.content = words.paragraph(text, color=FAILED)
         self._warning.visible = bool(text)
 
-    def show_figures(self, plans: Sequence[Planned | Refused]) -> None:
+    def show_figures(self, plans: Sequence[Shown]) -> None:
         """Times of the plans, and what they leave and why."""
         self._figures.content = words.figures(plans, [css(color) for color in PLAN_COLORS])
 
@@ -62,7 +63,7 @@ class Panel:
 
     def show_objects(self, names: Sequence[str]) -> None:
         """Names to select."""
-        options = (words.NOTHING, words.START, *names)
+        options = (*_NO_NAMES, *names)
         if self.selected.options != options:
             self.selected.options = options
 
@@ -94,7 +95,7 @@ class Panel:
 
     def _add_objects(self) -> None:
         with self._gui.add_folder("Objects"):
-            self.selected = self._gui.add_dropdown("selected", (words.NOTHING, words.START))
+            self.selected: viser.GuiDropdownHandle[str] = self._gui.add_dropdown("selected", _NO_NAMES)
             self.remove = self._gui.add_button("Remove the selected object", disabled=True)
             self.kind = self._gui.add_dropdown("class", tuple(kind.name for kind in OBJECT_CLASSES))
             self.add = self._gui.add_button("Add an object of this class")

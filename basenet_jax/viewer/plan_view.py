@@ -1,5 +1,7 @@
 """A plan on the floor: where it drives, where it stops and which way it faces there, and the order."""
 
+from typing import Literal
+
 import numpy as np
 import viser
 from jaxtyping import Float
@@ -25,7 +27,8 @@ class PlanView:
 
     def __init__(self, scene: viser.SceneApi, root: str, color: Color, layer: int):
         self._scene, self._root, self._color = scene, root, color
-        self._height, self._anchor = 0.012 + 0.006 * layer, ("bottom-center", "top-center")[layer]
+        self._height = 0.012 + 0.006 * layer
+        self._anchor: Literal["top-center", "bottom-center"] = "top-center" if layer else "bottom-center"
         self._labels: list[viser.LabelHandle] = []
         self._handles: dict[str, viser.SceneNodeHandle] = {}
 

@@ -37,8 +37,20 @@ class Refused:
     reason: str
 
 
+@dataclass(frozen=True)
+class Awaited:
+    """A plan that is still being made."""
+
+    maker: str
+
+
+Shown = Planned | Refused | Awaited
+
+
 def make_plan(scene: NamedScene, planner: str, weights: Path | None = None) -> Planned:
     """Has a scene planned; the first time for a planner, a robot, a table and a number of slots it compiles.
+
+    dp and refined, which are exact, compile for every number of objects.
 
     Raises:
         ValueError: the planner can't serve the scene, or its weights can't be used.
@@ -66,4 +78,5 @@ def warm_up(scene: NamedScene, planner: str, weights: Path | None = None) -> Non
     """
     grasp = np.array(scene.arrays.object_grasp)
     grasp[0, 1] += _FAR_UP_M
-    make_plan(dataclasses.replace(scene, arrays=scene.arrays.replace(object_grasp=grasp)), planner, weights)
+    arrays = dataclasses.replace(scene.arrays, object_grasp=grasp)
+    make_plan(dataclasses.replace(scene, arrays=arrays), planner, weights)

@@ -7,12 +7,12 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from basenet_jax.planners.registry import PLANNERS
 from basenet_jax.viewer import asking, editing, planned, uploads
 from basenet_jax.viewer.asking import Answer
-from basenet_jax.viewer.planned import Planned, Refused
+from basenet_jax.viewer.planned import Awaited, Planned, Refused, Shown
 from basenet_jax.viewer.worker import Worker
 from basenet_jax.world.scene import NamedScene
 
@@ -26,8 +26,8 @@ class Screen(Protocol):
         """The scene has changed; the plans that are shown are of an older one."""
         ...
 
-    def show_plans(self, plans: tuple[Planned | Refused, ...]) -> None:
-        """There are plans, one for each chosen planner that is done with the scene."""
+    def show_plans(self, plans: tuple[Shown, ...]) -> None:
+        """What there is for each chosen planner."""
         ...
 
     def show_answer(self, answer: Answer | None) -> None:
@@ -48,6 +48,13 @@ class Choices:
     robot: str | None = None  # instead of the one that scenes name
 
 
+class Latency(NamedTuple):
+    """When, by `time.perf_counter`, the newest planned change was asked for, and all its plans had been shown."""
+
+    asked_s: float
+    shown_s: float
+
+
 class Session:
     """The state behind the pages. Changes return at once; planning follows in one thread of its own.
 
@@ -63,9 +70,9 @@ class Session:
     def __init__(self, scene: NamedScene, choices: Choices, screen: Screen, lock: AbstractContextManager):
         self._scene, self._planners = editing.pad(scene), choices.planners
         self._choices, self._screen = choices, screen
-        self._plans: tuple[Planned | Refused, ...] = ()
+        self._plans: tuple[Shown, ...] = ()
         self._changed_s = 0.0
-        self.latency_s = 0.0  # from the last change's being asked for to all of its plans' being sent
+        self.last = Latency(0.0, 0.0)
         self._asked: tuple[float, float] | None = None
         self._seen: set[tuple[str, str, int]] = set()  # planners, robots and slots that were compiled for
         self._lock = lock
@@ -77,7 +84,7 @@ class Session:
         return self._scene
 
     @property
-    def plans(self) -> tuple[Planned | Refused, ...]:
+    def plans(self) -> tuple[Shown, ...]:
         """The newest plans."""
         return self._plans
 
@@ -172,13 +179,13 @@ class Session:
         """Plans by every chosen planner; the second waits while the scene is still being changed."""
         with self._lock:
             scene, names, since = self._scene, self._planners, self._changed_s
-        plans: list[Planned | Refused] = []
-        for name in names:
-            if plans and self._worker.is_waiting("plan"):
+        plans: list[Shown] = [Awaited(name) for name in names]
+        for index, name in enumerate(names):
+            if index and self._worker.is_waiting("plan"):
                 return
-            plans.append(self._plan_by(name, scene))
+            plans[index] = self._plan_by(name, scene)
             self._tell(lambda: self._publish(tuple(plans)))
-        self.latency_s = time.perf_counter() - since
+        self.last = Latency(since, time.perf_counter())
 
     def _plan_by(self, name: str, scene: NamedScene) -> Planned | Refused:
         variant = (name, scene.robot, len(scene.arrays.mask))
@@ -224,7 +231,7 @@ class Session:
         traceback.print_exception(error)
         self._tell(lambda: self._screen.show_status(f"{type(error).__name__}: {error}"))
 
-    def _publish(self, plans: tuple[Planned | Refused, ...]) -> None:
+    def _publish(self, plans: tuple[Shown, ...]) -> None:
         self._plans = plans
         self._screen.show_plans(plans)
 

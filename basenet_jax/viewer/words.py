@@ -8,7 +8,7 @@ import numpy as np
 from basenet_jax.plots.drawing import FAILED
 from basenet_jax.task.picking import Reason
 from basenet_jax.viewer.asking import Answer
-from basenet_jax.viewer.planned import Planned, Refused
+from basenet_jax.viewer.planned import Awaited, Planned, Refused, Shown
 
 REASONS = {
     Reason.BASE_COLLIDES: "the base would touch the table or its margin",
@@ -41,7 +41,7 @@ def hints() -> str:
     return f'<div style="{_SMALL};color:#666;line-height:1.4">{HELP}</div>'
 
 
-def figures(plans: Sequence[Planned | Refused], colors: Sequence[str]) -> str:
+def figures(plans: Sequence[Shown], colors: Sequence[str]) -> str:
     """N, G, their sum and the planning time of each plan, side by side, and what isn't grasped and why."""
     pairs = zip(plans, colors, strict=False)
     heads = "".join(f'<th style="{_CELL};color:{color}">{escape(plan.maker)}</th>' for plan, color in pairs)
@@ -94,17 +94,19 @@ def duration(seconds: float) -> str:
     return f"{1e3 * seconds:.0f} ms" if seconds < 1.0 else f"{seconds:.1f} s"
 
 
-def _column(plan: Planned | Refused) -> tuple[str, ...]:
-    if isinstance(plan, Refused):
-        return ("-",) * 5
+def _column(plan: Shown) -> tuple[str, ...]:
+    if not isinstance(plan, Planned):
+        return ("…" if isinstance(plan, Awaited) else "-",) * len(_ROWS)
     outcome = plan.outcome
     times = (f"{float(value):.1f} s" for value in (outcome.navigation, outcome.picking, outcome.execution))
     grasped = f"{int(outcome.grasped)} of {int(np.sum(outcome.is_step))}"
     return (*times, grasped, "from a file" if plan.planning_s is None else duration(plan.planning_s))
 
 
-def _troubles(plan: Planned | Refused) -> str:
+def _troubles(plan: Shown) -> str:
     """Why there is no plan, or which objects it leaves and why."""
     if isinstance(plan, Refused):
         return paragraph(f"{plan.maker}: {plan.reason}", color=FAILED)
+    if isinstance(plan, Awaited):
+        return ""
     return "".join(paragraph(f"{plan.maker} leaves {name}: {reason}", color=FAILED) for name, reason in failures(plan))
