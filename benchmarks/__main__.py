@@ -3,7 +3,7 @@
 One table at the end has what each came to. The sizes are chosen so that all of it takes minutes: figures are a first
 impression, and a script by itself (`python -m benchmarks.picks`) gives the real ones. What isn't installed of the
 extra `benchmarks` is left out, and said so. Compiled programs are kept between runs. Left out are `training_memory`,
-which trains for minutes, and what needs or makes the best known plans.
+which trains for minutes, `viewer_latency`, which needs a browser, and what needs or makes the best known plans.
 """
 
 import importlib

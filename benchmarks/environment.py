@@ -16,7 +16,7 @@ from basenet_jax.evaluation.provenance import cpu_model
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("jax", "jaxlib", "mujoco", "mujoco-mjx", "brax", "flax", "optax", "numpy", "scipy")
-PEERS = ("eaik", "ur-analytic-ik", "mink", "pyvrp", "torch")  # where they are installed
+PEERS = ("eaik", "ur-analytic-ik", "mink", "pyvrp", "torch", "viser")  # where they are installed
 
 
 def hardware() -> dict[str, Any]:

@@ -27,7 +27,8 @@ LAYERS = (
     ("plots",),
     ("api",),
     ("batch",),
-    ("train", "ablate", "evaluate", "plan", "plan_outputs", "generate", "__main__"),
+    ("viewer",),
+    ("train", "ablate", "evaluate", "plan", "plan_outputs", "generate", "view", "__main__"),
 )
 LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}
 

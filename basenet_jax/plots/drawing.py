@@ -82,7 +82,7 @@ def to_world(pose: ArrayLike, points: np.ndarray) -> np.ndarray:
     return points @ np.array([[cosine, sine], [-sine, cosine]]) + pose[:2]
 
 
-def _stops(plan: Plan, outcome: Outcome) -> dict[tuple[float, ...], list[int]]:
+def stops_of(plan: Plan, outcome: Outcome) -> dict[tuple[float, ...], list[int]]:
     """The numbers of the steps made at each different base pose, from 1."""
     stops: dict[tuple[float, ...], list[int]] = {}
     for step in np.flatnonzero(outcome.is_step & plan.served):
@@ -96,7 +96,7 @@ def _mount(robot: Robot, pose: ArrayLike) -> np.ndarray:
 
 def _draw_reach(axes: Axes, robot: Robot, scene: Scene, plan: Plan, outcome: Outcome, table: Polygon) -> None:
     """From each stop, the part of the table in reach at the lowest grasp's height; overlaps are darker."""
-    stops = _stops(plan, outcome)
+    stops = stops_of(plan, outcome)
     if not stops:
         return
     _, farthest = arm_reach(robot, float(np.min(np.asarray(scene.grasps)[np.asarray(scene.mask), 2])))
@@ -139,7 +139,7 @@ def _draw_stops(axes: Axes, robot: Robot, scene: Scene, plan: Plan, outcome: Out
         grasp, mount = scene.grasps[plan.object_index[step]], _mount(robot, pose)
         if outcome.feasible[step]:
             axes.plot([mount[0], grasp[0]], [mount[1], grasp[1]], color=PICK, lw=0.8, zorder=2)
-    stops = _stops(plan, outcome)
+    stops = stops_of(plan, outcome)
     for (pose, numbers), place in zip(stops.items(), _apart([pose[:2] for pose in stops]), strict=True):
         _draw_base(axes, robot, np.array(pose))
         _write(axes, place, short_list(numbers), size)

@@ -1,9 +1,11 @@
 """How long the base drives from pose to pose: round the table, by turning, driving and turning."""
 
+import functools
 import itertools
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -67,16 +69,26 @@ def navigation_path(
         ValueError: the goal can't be reached.
     """
     ends = [np.asarray(start)[:2], np.asarray(goal)[:2]]
-    p, q = components(jnp.asarray(start)), components(jnp.asarray(goal))
-    straight = _leg(robot, p[:2], q[:2], table, config)
-    if config.straight or bool(straight.short):
+    short, durations, corners = jax.device_get(_compare_ways(robot, start, goal, table, config))
+    if config.straight or short:
         return np.stack(ends)
-    ways = list(_all_ways(_Ways(robot, p, q, straight, *_over_vias(robot, p, q, table, config))))
-    duration, corners = min(((float(time), corners) for time, corners in ways), key=lambda way: way[0])
-    if not np.isfinite(duration):
+    best = int(np.argmin(durations))
+    if not np.isfinite(durations[best]):
         raise ValueError(f"goal: {np.asarray(goal).tolist()} can't be reached from {np.asarray(start).tolist()}")
     half = np.asarray(table.half_size) + np.min(np.asarray(robot.footprint_half_size)) + config.via_clearance_m
-    return np.stack([ends[0], *(_CORNERS[corner] * half for corner in corners), ends[1]])
+    return np.stack([ends[0], *(_CORNERS[corner] * half for corner in corners[best] if corner >= 0), ends[1]])
+
+
+@functools.partial(jax.jit, static_argnames="config")
+def _compare_ways(
+    robot: Robot, start: ArrayLike, goal: ArrayLike, table: Table, config: NavigationConfig
+) -> tuple[Array, Array, Array]:
+    """Whether it is too short to drive, every way's duration, and the corners that each goes over (-1: none)."""
+    p, q = components(jnp.asarray(start)), components(jnp.asarray(goal))
+    straight = _leg(robot, p[:2], q[:2], table, config)
+    ways = list(_all_ways(_Ways(robot, p, q, straight, *_over_vias(robot, p, q, table, config))))
+    corners = [(*over, -1, -1)[:2] for _, over in ways]
+    return straight.short, jnp.stack([duration for duration, _ in ways]), jnp.array(corners)
 
 
 _Point = Sequence[Array | np.ndarray]  # x, y

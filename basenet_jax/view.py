@@ -1,0 +1,95 @@
+"""Shows scenes and plans live in the browser: `python -m basenet_jax.view scene.yaml`."""
+
+import importlib.util
+import os
+import sys
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Serves a web page on which a scene can be changed with the mouse while its plan follows, and be played.
+
+    Ctrl-C ends it. The page shows table, objects, robot, the plan on the floor with its navigation time N and grasping
+    time G, and why objects can't be picked; scene and plan files can be opened and saved there. It is for people you
+    trust: whoever reaches the address can use it. Exit codes: 0 ended, 2 bad input.
+    """
+
+    scene: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[SCENE]")] = None
+    """Scene file, YAML or JSON. Default: a random scene."""
+    host: str = "127.0.0.1"
+    """Address to serve on; 0.0.0.0 for all of this machine's."""
+    port: int = 8080
+    """Port to serve on, 0 to 65535; 0 for any free one."""
+    planner: str = "basenet"
+    """pbg, pbg-gc, mbp, mbp-gc, dp, greedy-stops, refined, basenet-paper, basenet or basenet-sample."""
+    compare: str | None = None
+    """A second planner, shown beside the first."""
+    weights: Path | None = None
+    """Of the learned planners, as training writes them; the others need none. Default: the packaged ones."""
+    robot: str | None = None
+    """A packaged robot's name or the path of a robot file, instead of the robot that scenes name."""
+    objects: int = 10
+    """In a random scene, 1 to 50."""
+    seed: int = 0
+    """Of random scenes."""
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Runs the command and returns its exit code."""
+    options = tyro.cli(Arguments, args=arguments, prog="python -m basenet_jax.view")
+    if importlib.util.find_spec("viser") is None:
+        return _fail(2, 'viser is not installed: pip install "basenet_jax[viewer]"')
+    try:
+        return _view(options)
+    except KeyboardInterrupt:
+        return _fail(130, "interrupted")
+
+
+def _view(options: Arguments) -> int:
+    # Here and not above: JAX and MuJoCo take seconds to import, which --help needn't wait for.
+    import jax
+
+    from basenet_jax.api import planner_for, sample_scene
+    from basenet_jax.compilation import enable_cache
+    from basenet_jax.robot.reading import DEFAULT_ROBOT
+    from basenet_jax.viewer.app import Viewer, check_address
+    from basenet_jax.viewer.session import Choices
+    from basenet_jax.world.scene_file import load_scene
+
+    enable_cache()
+    planners = (options.planner, *([options.compare] if options.compare else []))
+    try:
+        check_address(options.host, options.port)
+        if options.scene is not None:
+            scene = load_scene(options.scene, robot=options.robot)
+        else:
+            key, robot = jax.random.key(options.seed), options.robot or DEFAULT_ROBOT
+            scene = sample_scene(key, objects=options.objects, robot=robot)
+        for name in planners:
+            planner_for(scene, name, options.weights)
+    except ValueError as error:
+        return _fail(2, str(error))
+    choices = Choices(planners, options.weights, options.robot)
+    viewer = Viewer(scene, choices, host=options.host, port=options.port, seed=options.seed)
+    print(f"basenet_jax.view: {viewer.url} (Ctrl-C ends it)", flush=True)
+    try:
+        threading.Event().wait()
+    except KeyboardInterrupt:
+        if not viewer.close():
+            os._exit(0)  # a compilation goes on, which Python would wait for
+    return 0
+
+
+def _fail(code: int, message: str) -> int:
+    print(f"basenet_jax.view: {message}", file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

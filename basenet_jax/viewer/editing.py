@@ -1,0 +1,143 @@
+"""Changes to a scene. Each gives a new scene that can be planned, or says why there is none.
+
+Scenes are kept on the host, padded to a fixed number of slots, so that programs compiled for one serve the next.
+"""
+
+import dataclasses
+import itertools
+
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from basenet_jax.config import PickConfig, SceneConfig
+from basenet_jax.robot.reading import load_robot
+from basenet_jax.world.clearance import base_collides
+from basenet_jax.world.generate import footprint_radius
+from basenet_jax.world.scene import MAX_OBJECTS, OBJECT_CLASSES, NamedScene, Scene
+from basenet_jax.world.scene_checks import OVERLAP_TOLERANCE_M
+
+FEW_OBJECTS = 16  # slots of scenes with up to so many objects; larger ones have room for all that are allowed
+_RASTER_M = 0.05  # of the places that are tried for a new object
+_FARTHEST_M = 10.0  # from the table's centre along either axis, where the robot may start
+
+# Leaves of a scene with one row for each object.
+_BY_OBJECT = ("object_pose", "object_size", "object_grasp", "object_class", "mask")
+
+_radius, _base_collides = jax.jit(footprint_radius), jax.jit(base_collides)
+
+
+class PlacementError(ValueError):
+    """Something can't stand where it was put; the message says why."""
+
+
+def pad(scene: NamedScene) -> NamedScene:
+    """The scene on the host, with room for more objects: `FEW_OBJECTS` slots, or `MAX_OBJECTS` if it has more."""
+    count = len(scene.names)
+    slots = FEW_OBJECTS if count <= FEW_OBJECTS else MAX_OBJECTS
+    arrays: Scene = jax.device_get(scene.arrays)
+
+    def fill(values: np.ndarray) -> np.ndarray:
+        room = np.zeros((slots, *values.shape[1:]), values.dtype)
+        room[:count] = values[:count]
+        return room
+
+    padded = dataclasses.replace(arrays, **{leaf: fill(np.asarray(getattr(arrays, leaf))) for leaf in _BY_OBJECT})
+    return dataclasses.replace(scene, arrays=padded)
+
+
+def move_object(scene: NamedScene, name: str, pose: Float[np.ndarray, "3"]) -> NamedScene:
+    """The object at (x, y, yaw) in W, or at the nearest place on the table if that is off it.
+
+    Raises:
+        PlacementError: another object stands there, or it is gone.
+    """
+    if name not in scene.names:
+        raise PlacementError(f"{name} isn't there any more")
+    slot, half = scene.names.index(name), np.asarray(scene.arrays.table.half_size)
+    poses = np.array(scene.arrays.object_pose)
+    poses[slot] = [*np.clip(pose[:2], -half, half), pose[2]]
+    moved = _with(scene, object_pose=poses)
+    gaps = _gaps(moved, slot)
+    nearest = int(np.argmin(gaps))
+    if gaps[nearest] < -OVERLAP_TOLERANCE_M:
+        raise PlacementError(f"{name} can't stand there, {scene.names[nearest]} does")
+    return moved
+
+
+def move_start(scene: NamedScene, pose: Float[np.ndarray, "3"]) -> NamedScene:
+    """The robot starts at (x, y, heading) in W.
+
+    Raises:
+        PlacementError: its base touches the table or the margin about it there.
+    """
+    x, y = np.clip(pose[:2], -_FARTHEST_M, _FARTHEST_M)
+    start, rule = np.array([x, y, pose[2]], np.float32), PickConfig()
+    robot = load_robot(scene.robot)
+    if _base_collides(robot, start, scene.arrays.table, rule.base_clearance_m, rule.touching_m):
+        raise PlacementError(f"the robot can't start less than {rule.base_clearance_m:g} m from the table")
+    return _with(scene, robot_start=start)
+
+
+def add_object(scene: NamedScene, kind: str) -> NamedScene:
+    """One more object of a class, last in the order, where it is farthest from the others.
+
+    Raises:
+        PlacementError: there is no room for it.
+    """
+    count, index = len(scene.names), [each.name for each in OBJECT_CLASSES].index(kind)
+    if count == MAX_OBJECTS:
+        raise PlacementError(f"there are {MAX_OBJECTS} objects, no more are allowed")
+    own = OBJECT_CLASSES[index]
+    name = next(each for each in (f"{kind}_{i}" for i in itertools.count(1)) if each not in scene.names)
+    arrays = scene.arrays
+    rows = ((0.0, 0.0, 0.0), own.size, (own.grasp_x, own.grasp_z, own.grasp_yaw), index, True)
+    longer = {
+        leaf: np.concatenate([old := getattr(arrays, leaf)[:count], np.asarray(row, old.dtype)[None]])
+        for leaf, row in zip(_BY_OBJECT, rows, strict=True)
+    }
+    grown = NamedScene(dataclasses.replace(arrays, **longer), (*scene.names, name), scene.robot)
+    return _at_freest_place(pad(grown), count)
+
+
+def remove_object(scene: NamedScene, name: str) -> NamedScene:
+    """The scene without an object; later ones move up by one slot.
+
+    Raises:
+        PlacementError: it is the last one.
+    """
+    if len(scene.names) == 1:
+        raise PlacementError("the last object can't be removed, add another one first")
+    keep = [index for index, other in enumerate(scene.names) if other != name]
+    left = dataclasses.replace(scene.arrays, **{leaf: getattr(scene.arrays, leaf)[keep] for leaf in _BY_OBJECT})
+    return pad(NamedScene(left, tuple(scene.names[index] for index in keep), scene.robot))
+
+
+def _with(scene: NamedScene, **leaves: np.ndarray) -> NamedScene:
+    return dataclasses.replace(scene, arrays=dataclasses.replace(scene.arrays, **leaves))
+
+
+def _gaps(scene: NamedScene, slot: int) -> Float[np.ndarray, " N"]:
+    """How far (m) each object's footprint is from that of the one in a slot; infinite for itself."""
+    count = len(scene.names)
+    place = np.asarray(scene.arrays.object_pose)[:count, :2]
+    radius = np.asarray(_radius(scene.arrays.object_size))[:count]
+    gaps = np.linalg.norm(place - place[slot], axis=-1) - radius - radius[slot]
+    gaps[slot] = np.inf
+    return gaps
+
+
+def _at_freest_place(scene: NamedScene, slot: int) -> NamedScene:
+    """The scene with the last object moved to where on a raster it is farthest from the others."""
+    half = np.maximum(np.asarray(scene.arrays.table.half_size) - SceneConfig().edge_margin_m, 0.0)
+    sides = [np.arange(-(limit // _RASTER_M), limit // _RASTER_M + 1) * _RASTER_M for limit in half]
+    places = np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 1, 2)
+    radius = np.asarray(_radius(scene.arrays.object_size))
+    others = np.asarray(scene.arrays.object_pose)[:slot, :2]
+    gap = np.min(np.linalg.norm(places - others, axis=-1) - radius[:slot], axis=1) - radius[slot]
+    best = int(np.argmax(gap))
+    if gap[best] < -OVERLAP_TOLERANCE_M:
+        raise PlacementError(f"there is no room left on the table for {scene.names[slot]}")
+    poses = np.array(scene.arrays.object_pose)
+    poses[slot] = (*places[best, 0], 0.0)
+    return _with(scene, object_pose=poses)

@@ -1,0 +1,240 @@
+"""What all pages show: the scene, the chosen planners, their plans, and the question asked of the floor."""
+
+import threading
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+from basenet_jax.planners.registry import PLANNERS
+from basenet_jax.viewer import asking, editing, planned, uploads
+from basenet_jax.viewer.asking import Answer
+from basenet_jax.viewer.planned import Awaited, Planned, Refused, Shown
+from basenet_jax.viewer.worker import Worker
+from basenet_jax.world.scene import NamedScene
+
+_PATIENCE_S = 0.4  # after which pages are told what takes so long
+
+
+class Screen(Protocol):
+    """What is told of every change; from several threads, never from two at once."""
+
+    def show_scene(self, scene: NamedScene) -> None:
+        """The scene has changed; the plans that are shown are of an older one."""
+        ...
+
+    def show_plans(self, plans: tuple[Shown, ...]) -> None:
+        """What there is for each chosen planner."""
+        ...
+
+    def show_answer(self, answer: Answer | None) -> None:
+        """What can be picked from the place that was asked about; None: the question is withdrawn."""
+        ...
+
+    def show_status(self, text: str) -> None:
+        """What takes long now; empty: nothing does."""
+        ...
+
+
+@dataclass(frozen=True)
+class Choices:
+    """Of the command line."""
+
+    planners: tuple[str, ...] = ("basenet",)  # one, or two to compare
+    weights: Path | None = None
+    robot: str | None = None  # instead of the one that scenes name
+
+
+class Latency(NamedTuple):
+    """When, by `time.perf_counter`, the newest planned change was asked for, and all its plans had been shown."""
+
+    asked_s: float
+    shown_s: float
+
+
+class Session:
+    """The state behind the pages. Changes return at once; planning follows in one thread of its own.
+
+    Methods that change the scene raise `ValueError`, and change nothing, where that can't be.
+
+    Args:
+        scene: the first one.
+        choices: of the command line.
+        screen: told of every change.
+        lock: held while it is told; one that a thread may take again.
+    """
+
+    def __init__(self, scene: NamedScene, choices: Choices, screen: Screen, lock: AbstractContextManager):
+        self._scene, self._planners = editing.pad(scene), choices.planners
+        self._choices, self._screen = choices, screen
+        self._plans: tuple[Shown, ...] = ()
+        self._changed_s = 0.0
+        self.last = Latency(0.0, 0.0)
+        self._asked: tuple[float, float] | None = None
+        self._seen: set[tuple[str, str, int]] = set()  # planners, robots and slots that were compiled for
+        self._lock = lock
+        self._worker, self._background = Worker(self._report), Worker(self._report)
+
+    @property
+    def scene(self) -> NamedScene:
+        """The scene as it is now."""
+        return self._scene
+
+    @property
+    def plans(self) -> tuple[Shown, ...]:
+        """The newest plans."""
+        return self._plans
+
+    @property
+    def planners(self) -> tuple[str, ...]:
+        """Names of the chosen planners."""
+        return self._planners
+
+    def begin(self) -> None:
+        """Shows the scene and plans it."""
+        self._set_scene(self._scene, time.perf_counter())
+
+    def move_object(self, name: str, pose) -> None:
+        """Puts an object at (x, y, yaw); see `editing.move_object`."""
+        self._edit(lambda scene: editing.move_object(scene, name, pose))
+
+    def move_start(self, pose) -> None:
+        """Has the robot start at (x, y, heading); see `editing.move_start`."""
+        self._edit(lambda scene: editing.move_start(scene, pose))
+
+    def add_object(self, kind: str) -> str:
+        """Adds an object of a class and returns its name."""
+        return self._edit(lambda scene: editing.add_object(scene, kind)).names[-1]
+
+    def remove_object(self, name: str) -> None:
+        """Takes an object away."""
+        self._edit(lambda scene: editing.remove_object(scene, name))
+
+    def replace_scene(self, scene: NamedScene) -> None:
+        """Goes on with another scene."""
+        self._edit(lambda _: editing.pad(scene))
+
+    def upload_scene(self, name: str, content: bytes) -> None:
+        """Goes on with the scene of a file."""
+        self._edit(lambda _: uploads.read_scene(name, content, self._choices.robot))
+
+    def upload_plan(self, name: str, content: bytes) -> None:
+        """Shows the plan of a file instead of the first planner's, until something changes."""
+        scene = self._scene
+        plan = uploads.read_plan(name, content, scene)
+
+        def show() -> None:
+            judged = planned.judge_plan(scene, plan, name[:40])
+            self._tell(lambda: self._publish((judged, *self._plans[1:])))
+
+        self._worker.submit("plan", show)
+
+    def choose(self, *planners: str) -> None:
+        """Plans by other planners, one or two.
+
+        Raises:
+            ValueError: there is none of a name.
+        """
+        if unknown := [name for name in planners if name not in PLANNERS]:
+            raise ValueError(f"planner: found {unknown[0]!r}, allowed are {', '.join(PLANNERS)}")
+        with self._lock:
+            self._planners = planners
+            self._worker.submit("plan", self._plan)
+
+    def ask(self, place: tuple[float, float] | None) -> None:
+        """Asks what can be picked from (x, y) on the floor, now and after every change; None: no longer."""
+        with self._lock:
+            self._asked = place
+            if place is None:
+                self._screen.show_answer(None)
+            else:
+                self._worker.submit("ask", self._answer)
+
+    def wait_idle(self, timeout_s: float) -> bool:
+        """Waits until everything is planned and shown, and compiled ahead; False after the timeout."""
+        return self._worker.wait_idle(timeout_s) and self._background.wait_idle(timeout_s)
+
+    def close(self) -> bool:
+        """Ends planning; False if a compilation goes on."""
+        return self._worker.close() & self._background.close()
+
+    def _edit(self, change: Callable[[NamedScene], NamedScene]) -> NamedScene:
+        begin = time.perf_counter()
+        with self._lock:
+            self._set_scene(change(self._scene), begin)
+            return self._scene
+
+    def _set_scene(self, scene: NamedScene, since: float) -> None:
+        with self._lock:
+            self._scene, self._changed_s = scene, since
+            self._screen.show_scene(scene)
+            self._worker.submit("plan", self._plan)
+            if self._asked is not None:
+                self._worker.submit("ask", self._answer)
+
+    def _plan(self) -> None:
+        """Plans by every chosen planner; the second waits while the scene is still being changed."""
+        with self._lock:
+            scene, names, since = self._scene, self._planners, self._changed_s
+        plans: list[Shown] = [Awaited(name) for name in names]
+        for index, name in enumerate(names):
+            if index and self._worker.is_waiting("plan"):
+                return
+            plans[index] = self._plan_by(name, scene)
+            self._tell(lambda: self._publish(tuple(plans)))
+        self.last = Latency(since, time.perf_counter())
+
+    def _plan_by(self, name: str, scene: NamedScene) -> Planned | Refused:
+        variant = (name, scene.robot, len(scene.arrays.mask))
+        new = variant not in self._seen
+        try:
+            with self._told(f"compiling {name}, once: this can take a minute" if new else f"{name} is planning"):
+                made = planned.make_plan(scene, name, self._choices.weights)
+                if new:  # again, for what planning takes without compiling
+                    made = planned.make_plan(scene, name, self._choices.weights)
+        except ValueError as error:
+            return Refused(name, str(error))
+        if new:
+            self._seen.add(variant)
+            self._background.submit(name, lambda: self._warm_up(name, scene))
+        return made
+
+    def _warm_up(self, name: str, scene: NamedScene) -> None:
+        """Compiles, beside planning, what a planner needs once an object can't be reached."""
+        with self._told(f"compiling the rest of {name}, once; planning goes on"):
+            planned.warm_up(scene, name, self._choices.weights)
+
+    @contextmanager
+    def _told(self, text: str) -> Iterator[None]:
+        """Says what is being done if it takes long."""
+        timer = threading.Timer(_PATIENCE_S, lambda: self._tell(lambda: self._screen.show_status(text)))
+        timer.daemon = True
+        timer.start()
+        try:
+            yield
+        finally:
+            timer.cancel()
+            timer.join()
+            self._tell(lambda: self._screen.show_status(""))
+
+    def _answer(self) -> None:
+        place, scene = self._asked, self._scene
+        if place is not None:
+            answer = asking.ask(scene, place)
+            self._tell(lambda: self._screen.show_answer(answer))
+
+    def _report(self, error: Exception) -> None:
+        """Of an error that nobody foresaw: the page goes on, the terminal has its trace."""
+        traceback.print_exception(error)
+        self._tell(lambda: self._screen.show_status(f"{type(error).__name__}: {error}"))
+
+    def _publish(self, plans: tuple[Shown, ...]) -> None:
+        self._plans = plans
+        self._screen.show_plans(plans)
+
+    def _tell(self, what: Callable[[], None]) -> None:
+        with self._lock:
+            what()

@@ -1,0 +1,164 @@
+"""How soon the viewer's page has the new plan when an object is dropped, and what the server costs.
+
+A headless browser drags objects with the mouse. A drop's latency is the time from when the server knew of it to when
+the message with the new plan was sent to the page. CPU is the server's process alone, as a share of one core: idle,
+and while the plan is played at its usual speed, one page being open. The browser draws by software on the same cores.
+"""
+
+import contextlib
+import itertools
+import sys
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import numpy as np
+from rich.table import Table
+
+from basenet_jax.api import sample_scene
+from basenet_jax.compilation import enable_cache
+from basenet_jax.viewer.editing import PlacementError, move_object
+from basenet_jax.viewer.pointing import Target, hit
+from basenet_jax.world.scene import NamedScene
+from benchmarks.browser import ARGUMENTS, drag, find_chromium, where_seen
+from benchmarks.harness import Options, Report, parse
+
+NAME = "viewer_latency"
+_STEP_M = 0.06  # by which objects are dragged, there and back
+_PATIENCE_S = 600.0  # with compiling
+
+
+@dataclass(frozen=True)
+class ViewerOptions(Options):
+    """Options, and what is shown."""
+
+    objects: int = 10
+    """In the scene."""
+    planner: str = "basenet"
+    """Which plans."""
+    repeats: int = 50
+    """Drops."""
+    watch_s: float = 10.0
+    """How long the CPU is watched, idle and playing (s)."""
+
+
+def main(arguments: list[str] | None = None) -> dict[str, Any]:
+    """Measures, prints a table and writes the results."""
+    from playwright.sync_api import sync_playwright
+
+    from basenet_jax.viewer.app import Viewer
+    from basenet_jax.viewer.session import Choices
+
+    arguments = sys.argv[1:] if arguments is None else arguments
+    options = parse(ViewerOptions, NAME, __doc__, arguments)
+    enable_cache()
+    report = Report(NAME, options, arguments)
+    viewer = Viewer(sample_scene(jax.random.key(options.seed), objects=options.objects), Choices((options.planner,)))
+    sends = _watch_sends()
+    try:
+        viewer.session.wait_idle(_PATIENCE_S)
+        with sync_playwright() as playwright:
+            browser = playwright.chromium.launch(executable_path=find_chromium(), args=list(ARGUMENTS))
+            page = browser.new_page(viewport={"width": 900, "height": 600})
+            page.goto(viewer.url)
+            page.get_by_text("N + G").wait_for()
+            page.wait_for_timeout(3_000)  # till the first pictures are drawn
+            latencies = _drop(viewer, page, sends, options)
+            watch_s = 1.0 if options.quick else options.watch_s
+            idle = _cpu_share(watch_s)
+            viewer.page.timeline.play()
+            playing = _cpu_share(watch_s)
+            browser.close()
+    finally:
+        viewer.close()
+    drops = {"what": f"drop to plan, {options.objects} objects, {options.planner}", "unit": "ms", **_spread(latencies)}
+    shares = [
+        {"what": f"CPU of the server, {what}", "unit": "% of a core", "median": 100.0 * share}
+        for what, share in (("idle", idle), ("playing", playing))
+    ]
+    results = [drops, *shares]
+    return report.finish(results, table=_table(results), drops_s=latencies)
+
+
+def _watch_sends() -> list[float]:
+    """When each message to a page was handed to the network, from now on."""
+    from websockets.asyncio.server import ServerConnection
+
+    send, times = ServerConnection.send, []
+
+    async def timed(self, *arguments, **options):
+        await send(self, *arguments, **options)
+        times.append(time.perf_counter())
+
+    ServerConnection.send = timed
+    return times
+
+
+def _drop(viewer, page, sends: list[float], options: ViewerOptions) -> list[float]:
+    """Latencies (s) of drops of one object after the other, each dragged along the table and later back."""
+    session, latencies = viewer.session, []
+    (client,) = viewer.server.get_clients().values()
+    for number in range(options.repeats):
+        viewer.page.select(None)  # its gizmo may stand before the next object
+        page.wait_for_timeout(100)
+        start, end = _free_drag(session.scene, client.camera, number)
+        before = session.last
+        drag(page, where_seen(client.camera, start, page), where_seen(client.camera, end, page))
+        _wait(lambda before=before: session.last != before)
+        page.wait_for_timeout(200)  # for what comes with letting go of the mouse, and for the sending
+        session.wait_idle(_PATIENCE_S)
+        asked, shown = session.last
+        latencies.append(min(each for each in sends if each > shown) - asked)
+    return latencies
+
+
+def _free_drag(scene: NamedScene, camera, number: int) -> tuple[np.ndarray, np.ndarray]:
+    """From the top of an object that the camera sees to a place where it can stand; another one for every number."""
+    arrays, count = scene.arrays, len(scene.names)
+    for slot, angle in itertools.product(np.roll(range(count), -number), np.arange(8) * np.pi / 4 + number):
+        name, pose = scene.names[slot], np.asarray(arrays.object_pose[slot], float)
+        move = _STEP_M * np.array([np.cos(angle), np.sin(angle), 0.0])
+        top = np.array([*pose[:2], arrays.table.height + arrays.object_size[slot, 2]])
+        seen, _ = hit(scene, camera.position, top - [0.0, 0.0, 0.002] - camera.position)
+        if seen != Target(name):
+            continue
+        with contextlib.suppress(PlacementError):
+            moved = move_object(scene, name, pose + move).arrays.object_pose[slot]
+            return top, np.array([*moved[:2], top[2]])
+    raise RuntimeError("no object can be dragged anywhere, use fewer")
+
+
+def _wait(done) -> None:
+    end = time.perf_counter() + 10.0
+    while not done():
+        if time.perf_counter() > end:
+            raise RuntimeError("a drag moved nothing: is something before the object?")
+        time.sleep(0.005)
+
+
+def _cpu_share(seconds: float) -> float:
+    """How much of one core this process, all threads together, takes meanwhile."""
+    begin, used = time.perf_counter(), time.process_time()
+    time.sleep(seconds)
+    return (time.process_time() - used) / (time.perf_counter() - begin)
+
+
+def _spread(latencies: list[float]) -> dict[str, float]:
+    low, median, high, most = 1e3 * np.quantile(latencies, [0.25, 0.5, 0.75, 1.0])
+    return {"median": median, "q1": low, "q3": high, "max": most, "count": len(latencies)}
+
+
+def _table(results: list[dict[str, Any]]) -> Table:
+    table = Table(title="The viewer")
+    for column in ("what", "median", "quartiles", "most", "unit"):
+        table.add_column(column, justify="left" if column in ("what", "unit") else "right")
+    for row in results:
+        quartiles = f"{row['q1']:.1f} to {row['q3']:.1f}" if "q1" in row else ""
+        most = f"{row['max']:.1f}" if "max" in row else ""
+        table.add_row(row["what"], f"{row['median']:.1f}", quartiles, most, row["unit"])
+    return table
+
+
+if __name__ == "__main__":
+    main()

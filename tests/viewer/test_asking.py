@@ -1,0 +1,45 @@
+from typing import Any
+
+import numpy as np
+import pytest
+
+from basenet_jax.task.picking import Reason
+from basenet_jax.viewer import asking
+from basenet_jax.viewer.asking import ask
+from basenet_jax.viewer.editing import add_object
+from tests.oracles.picking import pick
+
+
+def test_the_heading_is_taken_from_which_most_can_be_picked_soonest(scene):
+    """Both objects can be picked from there, with several headings: times are the oracle's, and the least."""
+    answer = ask(scene, (0.35, -0.9))
+    assert answer.base_pose[:2] == pytest.approx([0.35, -0.9])
+    assert answer.reasons == (Reason.NONE, Reason.NONE)
+    grasps = np.asarray(scene.arrays.grasps[:2], float)
+    headings = np.arange(8) * np.pi / 4
+    picks = [[pick((*answer.base_pose[:2], heading), grasp) for grasp in grasps] for heading in headings]
+    feasible = np.array([all(each.reason is None for each in both) for both in picks])
+    totals = np.where(feasible, [sum(each.time for each in both) for both in picks], np.inf)
+    best = int(np.argmin(totals))
+    assert feasible.sum() > 1
+    assert answer.base_pose[2] == pytest.approx(headings[best])
+    assert list(answer.times) == pytest.approx([each.time for each in picks[best]], abs=5e-3)
+
+
+def test_far_away_nothing_is_in_reach(scene):
+    answer = ask(scene, (3.0, 3.0))
+    assert (answer.count, answer.times) == (0, (None, None))
+    assert answer.reasons == (Reason.OUT_OF_REACH, Reason.OUT_OF_REACH)
+    assert not answer.collides
+
+
+def test_at_the_table_there_is_no_room(scene):
+    assert ask(scene, (0.0, -0.45)).collides
+
+
+def test_another_scene_with_as_many_slots_compiles_nothing(scene):
+    program: Any = asking._pick_all
+    ask(scene, (0.35, -0.9))
+    before = program._cache_size()
+    assert len(ask(add_object(scene, "bowl"), (0.2, -0.8)).names) == 3
+    assert program._cache_size() == before

@@ -1,0 +1,260 @@
+"""The viewer in a real browser: headless Chromium, driven by Playwright, the mouse being moved as a hand would."""
+
+import json
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+from playwright.sync_api import expect, sync_playwright
+
+from basenet_jax import api
+from basenet_jax.planners.greedy_stops import greedy_stops
+from basenet_jax.viewer.app import Viewer
+from basenet_jax.viewer.pointing import Target
+from basenet_jax.viewer.session import Choices
+from basenet_jax.world.scene_file import load_scene
+from benchmarks.browser import ARGUMENTS, drag, find_chromium, where_seen
+from tests.scene_texts import TEXT
+
+pytestmark = pytest.mark.browser
+
+PLANNER = "greedy-stops"  # compiles sooner than others
+SIZE = {"width": 900, "height": 640}
+PATIENCE_S = 120.0  # with compiling, on a busy machine
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with sync_playwright() as playwright:
+        started = playwright.chromium.launch(executable_path=find_chromium(), args=list(ARGUMENTS))
+        yield started
+        started.close()
+
+
+@pytest.fixture(scope="module")
+def running(scene):
+    viewer = Viewer(scene, Choices((PLANNER,)))
+    viewer.server.initial_camera.position = (0.6, -4.0, 4.5)
+    assert viewer.session.wait_idle(PATIENCE_S)
+    yield viewer
+    assert viewer.close()
+
+
+@pytest.fixture
+def viewer(running, scene):
+    """With its first scene, and nothing selected or asked."""
+    running.session.choose(PLANNER)
+    running.session.replace_scene(scene)
+    running.session.ask(None)
+    running.page.select(None)
+    assert running.session.wait_idle(PATIENCE_S)
+    return running
+
+
+@pytest.fixture
+def open_page(browser, viewer):
+    """Opens the viewer in another tab; in the end no tab may have had an error."""
+    pages, errors = [], []
+
+    def open_page():
+        page = browser.new_page(viewport=SIZE)
+        pages.append(page)
+        page.on("console", lambda message: message.type == "error" and errors.append(message.text))
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.on("requestfailed", lambda request: errors.append(request.url))
+        page.goto(viewer.url)
+        expect(page.get_by_text("N + G")).to_be_visible(timeout=30_000)
+        wait_for(lambda: len(viewer.server.get_clients()) == len(pages))
+        page.wait_for_timeout(1_500)  # until all is drawn: the mouse only hits what is
+        return page
+
+    yield open_page
+    for page in pages:
+        page.close()
+    wait_for(lambda: not viewer.server.get_clients())
+    assert not errors
+
+
+@pytest.fixture
+def page(open_page):
+    return open_page()
+
+
+def wait_for(condition, timeout_s=20.0):
+    end = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < end, "it never happens"
+        time.sleep(0.02)
+
+
+def seen(viewer, page, point):
+    camera = list(viewer.server.get_clients().values())[-1].camera
+    return where_seen(camera, point, page)
+
+
+def top_of(viewer, name):
+    arrays, slot = viewer.session.scene.arrays, viewer.session.scene.names.index(name)
+    return np.array([*arrays.object_pose[slot, :2], arrays.table.height + arrays.object_size[slot, 2]], float)
+
+
+def figures(plan):
+    outcome = plan.outcome
+    return [f"{float(value):.1f} s" for value in (outcome.navigation, outcome.picking, outcome.execution)]
+
+
+def shows(page, texts):
+    for text in texts:
+        expect(page.get_by_text(text, exact=True).first).to_be_visible(timeout=20_000)
+
+
+def drag_mug(viewer, page, to=(-0.6, 0.1)):
+    """Drags the first mug across the table, and waits for the plan."""
+    start = top_of(viewer, "mug_1")
+    drag(page, seen(viewer, page, start), seen(viewer, page, [*to, start[2]]))
+    wait_for(lambda: np.hypot(*(viewer.session.scene.arrays.object_pose[0, :2] - to)) < 0.03)
+    assert viewer.session.wait_idle(PATIENCE_S)
+
+
+def test_the_page_shows_scene_and_plan(viewer, page):
+    shows(page, [PLANNER, "2 of 2", *figures(viewer.session.plans[0])])
+    picture = page.screenshot()
+    assert len(picture) > 30_000, "an empty picture packs into less"
+
+
+def test_dragging_an_object_changes_the_plan(viewer, page):
+    before = figures(viewer.session.plans[0])
+    drag_mug(viewer, page)
+    after = figures(viewer.session.plans[0])
+    assert after != before
+    shows(page, after)
+    assert viewer.page.selected == Target("mug_1")
+
+
+def test_dragging_the_robot_moves_its_start(viewer, page):
+    x, y, _ = viewer.session.scene.arrays.robot_start
+    drag(page, seen(viewer, page, [x, y, 0.75]), seen(viewer, page, [x - 0.5, y - 0.6, 0.75]))
+    wait_for(lambda: np.hypot(*(viewer.session.scene.arrays.robot_start[:2] - [x - 0.5, y - 0.6])) < 0.1)
+    assert viewer.session.wait_idle(PATIENCE_S)
+    assert viewer.session.plans[0].scene is viewer.session.scene
+
+
+def test_the_gizmo_of_a_clicked_object_turns_it(viewer, page):
+    page.mouse.click(*seen(viewer, page, top_of(viewer, "mug_1")))
+    wait_for(lambda: viewer.page.selected == Target("mug_1"))
+    page.wait_for_timeout(1_000)
+    gizmo = viewer.page.gizmo
+    x, y, yaw = gizmo.pose
+    height, radius = float(gizmo.handle.position[2]), 0.65 * gizmo.handle.scale  # of the arc: what viser's client draws
+    ends = [[x + radius * np.cos(yaw + a), y + radius * np.sin(yaw + a), height] for a in (0.6, 1.4)]
+    drag(page, *(seen(viewer, page, end) for end in ends))
+    wait_for(lambda: abs(viewer.session.scene.arrays.object_pose[0, 2] - (yaw + 0.8)) < 0.15)
+    np.testing.assert_allclose(viewer.session.scene.arrays.object_pose[0, :2], [x, y], atol=1e-3)
+
+
+def test_a_click_on_the_floor_asks_what_can_be_picked_there(viewer, page):
+    page.mouse.click(*seen(viewer, page, [0.35, -0.95, 0.0]))
+    expect(page.get_by_text("What can be picked from here")).to_be_visible(timeout=30_000)
+    expect(page.get_by_text("2 of 2 objects")).to_be_visible()
+    page.get_by_role("button", name="Forget the question").click()
+    expect(page.get_by_text("What can be picked from here")).to_be_hidden()
+
+
+def test_the_timeline_moves_the_robot(viewer, page):
+    at_rest = page.screenshot(clip={"x": 0, "y": 0, "width": 560, "height": 640})
+    page.get_by_role("button", name="Play").click()
+    expect(page.get_by_role("button", name="Pause")).to_be_visible(timeout=20_000)
+    wait_for(lambda: viewer.page.timeline.time_s > 8.0)
+    page.get_by_role("button", name="Pause").click()
+    wait_for(lambda: not viewer.page.timeline.playing)
+    page.wait_for_timeout(1_000)
+    assert page.screenshot(clip={"x": 0, "y": 0, "width": 560, "height": 640}) != at_rest
+    assert 8.0 < viewer.page.timeline.time_s < viewer.page.timeline.end_s
+    drag_from = seen(viewer, page, top_of(viewer, "mug_2"))
+    drag(page, drag_from, (drag_from[0] - 40, drag_from[1]))
+    wait_for(lambda: viewer.page.timeline.time_s == 0.0)
+
+
+def test_a_reload_and_a_second_page_show_the_same(viewer, open_page):
+    first, second = open_page(), open_page()
+    drag_mug(viewer, second)
+    expected = figures(viewer.session.plans[0])
+    shows(first, expected)
+    shows(second, expected)
+    first.reload()
+    expect(first.get_by_text("N + G")).to_be_visible(timeout=30_000)
+    shows(first, expected)
+    wait_for(lambda: len(viewer.server.get_clients()) == 2)
+
+
+def test_objects_are_added_and_removed_and_nothing_compiles_again(viewer, page):
+    programs: list[Any] = [greedy_stops, api._execute]
+    compiled = [program._cache_size() for program in programs]
+    page.get_by_role("button", name="Add an object of this class").click()
+    wait_for(lambda: viewer.session.scene.names == ("mug_1", "mug_2", "cracker_box_1"))
+    assert viewer.session.wait_idle(PATIENCE_S)
+    shows(page, ["3 of 3"])
+    page.get_by_role("button", name="Remove the selected object").click()
+    wait_for(lambda: viewer.session.scene.names == ("mug_1", "mug_2"))
+    shows(page, ["2 of 2"])
+    assert viewer.session.wait_idle(PATIENCE_S)
+    assert [program._cache_size() for program in programs] == compiled
+
+
+def test_two_planners_side_by_side(viewer, page):
+    viewer.session.choose(PLANNER, "pbg-gc")
+    assert viewer.session.wait_idle(PATIENCE_S)
+    first, second = viewer.session.plans
+    assert (first.maker, second.maker) == (PLANNER, "pbg-gc")
+    shows(page, [PLANNER, "pbg-gc", *figures(first), *figures(second)])
+
+
+@pytest.mark.parametrize(
+    ("which", "name", "content", "message"),
+    [
+        (0, "mine.yaml", b"format: basenet-scene/1\nobjects: 7\n", "mine.yaml: objects: found 7"),
+        (0, "robot.yaml", TEXT.replace("ur5e_mobile", "/etc/passwd").encode(), "a robot of your own is given by"),
+        (1, "plan.json", b"[]", "plan.json"),
+    ],
+)
+def test_a_bad_file_gets_a_message(viewer, page, which, name, content, message):
+    scene = viewer.session.scene
+    file = {"name": name, "mimeType": "application/octet-stream", "buffer": content}
+    page.locator("input[type=file]").nth(which).set_input_files([file])
+    expect(page.get_by_text(message)).to_be_visible(timeout=20_000)
+    assert viewer.session.scene is scene
+
+
+def test_files_go_to_the_page_and_come_back(viewer, page, tmp_path):
+    page.get_by_text("Files").click()
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Save the scene").click()
+    download.value.save_as(tmp_path / "scene.yaml")
+    assert load_scene(tmp_path / "scene.yaml").names == ("mug_1", "mug_2")
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Save the plan").click()
+    download.value.save_as(tmp_path / "mine.json")
+    assert json.loads((tmp_path / "mine.json").read_text())["planner"] == PLANNER
+    page.locator("input[type=file]").nth(1).set_input_files(tmp_path / "mine.json")
+    shows(page, ["mine.json", "from a file"])
+    (tmp_path / "other.yaml").write_text(TEXT)
+    page.locator("input[type=file]").nth(0).set_input_files(tmp_path / "other.yaml")
+    wait_for(lambda: viewer.session.scene.names == ("mug_1", "part_7"))
+    assert viewer.session.wait_idle(PATIENCE_S)
+
+
+def test_standing_still_the_server_sends_nothing(viewer, page, monkeypatch):
+    from websockets.asyncio.server import ServerConnection
+
+    sent = []
+
+    async def count(self, *arguments, **options):
+        del self, options
+        sent.append(arguments)
+
+    monkeypatch.setattr(ServerConnection, "send", count)
+    page.wait_for_timeout(1_000)
+    assert not sent
+    viewer.session.move_start(np.array([-2.0, -1.0, 0.3]))
+    assert viewer.session.wait_idle(PATIENCE_S)
+    wait_for(lambda: sent)

@@ -1,0 +1,67 @@
+"""Files from a page go through the commands' loaders, under the name that their owner knows."""
+
+import json
+
+import jax
+import numpy as np
+import pytest
+
+from basenet_jax.task.plan_file import load_plan
+from basenet_jax.viewer import uploads
+from tests.scene_texts import CONTENT, TEXT
+
+
+def test_a_scene_comes_back_as_it_went(scene):
+    read = uploads.read_scene("any.yaml", uploads.scene_file(scene))
+    assert read.names == scene.names
+    for found, expected in zip(jax.tree.leaves(read.arrays), jax.tree.leaves(scene.arrays), strict=True):
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_the_end_of_the_name_tells_json_from_yaml():
+    assert uploads.read_scene("Scene.JSON", json.dumps(CONTENT).encode()).names == ("mug_1", "part_7")
+    assert uploads.read_scene("scene.yml", TEXT.encode()).names == ("mug_1", "part_7")
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "my scene.yaml: content: found an empty file"),
+        (b"\xff\xfe", "my scene.yaml: content: found the byte 0xff"),
+        (TEXT.replace("mug, pose", "cup, pose").encode(), r"my scene.yaml: objects\[0\].class: found 'cup'"),
+        (b"x" * 70_000, "my scene.yaml: content: found more than 65536 bytes"),
+    ],
+)
+def test_a_bad_scene_is_refused_in_the_loaders_words(content, message):
+    with pytest.raises(ValueError, match=message) as caught:
+        uploads.read_scene("my scene.yaml", content)
+    assert "tmp" not in str(caught.value)
+
+
+@pytest.mark.parametrize("model", ["/etc/passwd", "robot.yaml", "../../robot.yaml"])
+def test_a_scene_names_packaged_robots_and_no_file(model):
+    text = TEXT.replace("ur5e_mobile", model)
+    with pytest.raises(ValueError, match=r"robot\.model: found .*allowed are .*; a robot of your own .*--robot"):
+        uploads.read_scene("scene.yaml", text.encode())
+
+
+def test_the_robot_of_the_command_line_goes_before_the_files():
+    text = TEXT.replace("ur5e_mobile", "somebody_elses")
+    assert uploads.read_scene("scene.yaml", text.encode(), robot="ur10e_mobile").robot == "ur10e_mobile"
+
+
+def test_a_plan_comes_back_as_it_went(planned, scene):
+    read = uploads.read_plan("plan.json", uploads.plan_file(planned), scene)
+    np.testing.assert_array_equal(read.object_index[:2], planned.plan.object_index[:2])
+    np.testing.assert_array_equal(read.base_pose[:2], planned.plan.base_pose[:2])
+
+
+def test_a_plan_of_another_scene_is_refused(planned):
+    other = uploads.read_scene("scene.yaml", TEXT.encode())
+    with pytest.raises(ValueError, match=r"mine\.json: steps\[1\]\.object: found 'mug_2'"):
+        uploads.read_plan("mine.json", uploads.plan_file(planned), other)
+
+
+def test_a_saved_plan_is_one_that_the_commands_read(planned, scene, tmp_path):
+    (tmp_path / "plan.json").write_bytes(uploads.plan_file(planned))
+    assert load_plan(tmp_path / "plan.json", scene).object_index.tolist()[:2] == [0, 1]
