@@ -70,13 +70,18 @@ def test_without_viser_it_says_what_to_install(call, monkeypatch):
     assert call() == (2, "", 'basenet_jax.view: viser is not installed: pip install "basenet_jax[viewer]"\n')
 
 
+@pytest.fixture
+def hears_interrupts():
+    """A shell's background jobs, and their children, are born deaf to SIGINT: not so in the test of it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("hears_interrupts")
 def test_it_serves_until_it_is_interrupted(tmp_path):
     """Also while the planner still compiles."""
     (tmp_path / "scene.yaml").write_text(TEXT)
-
-    def hear_interrupts():  # a shell's background jobs are born deaf to them
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-
     process = subprocess.Popen(
         [sys.executable, "-m", "basenet_jax.view", "scene.yaml", "--port", "0", "--planner", "greedy-stops"],
         cwd=tmp_path,
@@ -84,7 +89,6 @@ def test_it_serves_until_it_is_interrupted(tmp_path):
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        preexec_fn=hear_interrupts,
     )
     assert process.stdout is not None
     line = process.stdout.readline()

@@ -25,7 +25,10 @@ def moves(draw):
     """A robot's name and two joint states; some joints keep still, some move by very little."""
     robot = load_robot(draw(st.sampled_from(["ur5e_mobile", "panda_mobile"])))
     states = [
-        [draw(st.floats(low, high)) for low, high in zip(robot.joint_lower, robot.joint_upper, strict=True)]
+        [
+            draw(st.floats(float(low), float(high)))
+            for low, high in zip(robot.joint_lower, robot.joint_upper, strict=True)
+        ]
         for _ in range(2)
     ]
     start, goal = np.array(states)

@@ -20,6 +20,8 @@ from tests.scene_texts import TEXT
 pytestmark = pytest.mark.browser
 
 PLANNER = "greedy-stops"  # compiles sooner than others
+# Chromium objects to how viser's own client keeps the page from scrolling while something is dragged.
+NOT_OURS = "Unable to preventDefault inside passive event listener invocation."
 SIZE = {"width": 900, "height": 640}
 PATIENCE_S = 120.0  # with compiling, on a busy machine
 
@@ -73,7 +75,7 @@ def open_page(browser, viewer):
     for page in pages:
         page.close()
     wait_for(lambda: not viewer.server.get_clients())
-    assert not errors
+    assert not [error for error in errors if error != NOT_OURS]
 
 
 @pytest.fixture
