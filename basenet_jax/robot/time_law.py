@@ -45,24 +45,21 @@ class TimeLaw:
     @property
     def switches(self) -> Float[np.ndarray, " n"]:
         """Times (s) in order between which the position is one polynomial, of degree 2 (3 where smoothed)."""
-        knots = np.sort(self._knots()[0])
+        knots, _ = self._jumps()
+        knots = np.sort(np.concatenate([knots, knots + self.smoothing_s]))
         return knots[np.append(np.diff(knots) > _APART_S, True)]
 
     def at(self, time: ArrayLike) -> Progress:
         """The progress at times (s) since the move began, any shape; before it nothing is done, after it all."""
         time = np.clip(np.asarray(time, float), 0.0, self.duration_s)
-        knots, signs = self._knots()
+        knots, signs = self._jumps()
         since = time[..., None] - knots
-        # 1 / (ramp (ramp + cruise)) is the acceleration with which a share of 1 is reached in the end. Each knot makes
-        # it jump (or, smoothed, lets it change evenly); integrals of that are powers of the time since the knot.
+        # With this acceleration a share of 1 is reached in the end. Each knot makes it jump; integrals of a jump are
+        # powers of the time since.
         scale = 1.0 / (self.ramp_s * (self.ramp_s + self.cruise_s))
-        jumps = 0
-        if self.smoothing_s > 0.0:
-            scale, jumps = scale / self.smoothing_s, 1
 
         def integral(times: int) -> np.ndarray:
-            power = jumps + times
-            return scale / math.factorial(power) * (np.where(since >= 0.0, since**power, 0.0) @ signs)
+            return scale * (_averaged_power(since, times, self.smoothing_s) @ signs)
 
         ended = time == self.duration_s
         share, speed = np.clip(integral(2), 0.0, 1.0), np.maximum(integral(1), 0.0)
@@ -79,13 +76,21 @@ class TimeLaw:
         apart = np.min(np.abs(even[:, None] - switches), axis=1) > 0.1 / rate_hz
         return np.sort(np.concatenate([switches, even[apart]]))
 
-    def _knots(self) -> tuple[np.ndarray, np.ndarray]:
-        """When the acceleration jumps (begins to change, and stops changing, where smoothed), and with which sign."""
-        knots = np.cumsum([0.0, self.ramp_s, self.cruise_s, self.ramp_s])
-        signs = np.array([1.0, -1.0, -1.0, 1.0])
-        if self.smoothing_s == 0.0:
-            return knots, signs
-        return np.concatenate([knots, knots + self.smoothing_s]), np.concatenate([signs, -signs])
+    def _jumps(self) -> tuple[np.ndarray, np.ndarray]:
+        """When the acceleration jumps (begins to change, where smoothed), and with which sign."""
+        return np.cumsum([0.0, self.ramp_s, self.cruise_s, self.ramp_s]), np.array([1.0, -1.0, -1.0, 1.0])
+
+
+def _averaged_power(since: np.ndarray, power: int, over_s: float) -> np.ndarray:
+    """`max(x, 0)^k / k!` for k = 0, 1 or 2, averaged over the last `over_s` before x (s); for k = 0 it is 1 at x = 0.
+
+    Written out, since the average as a difference of higher powers loses all digits where x is much longer.
+    """
+    x = np.maximum(since, 0.0)
+    if over_s == 0.0:
+        return np.where(since >= 0.0, x**power / math.factorial(power), 0.0)
+    whole = (1.0, x - over_s / 2.0, (x * x - x * over_s) / 2.0 + over_s * over_s / 6.0)[power]
+    return np.where(x >= over_s, whole, x ** (power + 1) / (math.factorial(power + 1) * over_s))
 
 
 def fastest_law(speed: float, acceleration: float, smoothing_s: float = 0.0) -> TimeLaw:
