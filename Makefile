@@ -1,7 +1,8 @@
 # What a user and a developer type. Needs Python 3.11 or newer with venv and pip, nothing else.
 #
 #   make train      set up, then learn all layers in minutes and evaluate them
-#   make test       set up for development, then lint, types and fast tests
+#   make test       set up for development, then lint, types, documentation and fast tests
+#   make docs       build the documentation into site/
 #   make test-all   the fast tests on every interpreter found among VERSIONS
 #   make bench      the scripts in benchmarks/; with RUN_DIR=runs/NAME also those that need trained weights
 #   make clean      remove environments, caches and build outputs (never runs/)
@@ -24,13 +25,13 @@ find_python = $(shell for candidate in python$(1) "$$(pyenv root 2>/dev/null)"/v
 	"$$candidate" -c 'import sys; sys.exit("%d.%d" % sys.version_info[:2] != "$(1)")' 2>/dev/null \
 	&& echo "$$candidate" && break; done)
 
-.PHONY: train test lint types fast-tests test-all bench clean
+.PHONY: train test lint types docs fast-tests test-all bench clean
 .DELETE_ON_ERROR:
 
 train: $(VENV)/package.stamp
 	$(RUN) -m basenet_jax.train --objects 10 --preset quick $(ARGS)
 
-test: lint types fast-tests
+test: lint types docs fast-tests
 
 lint: $(VENV)/test.stamp
 	$(VENV)/bin/ruff check
@@ -38,6 +39,9 @@ lint: $(VENV)/test.stamp
 
 types: $(VENV)/test.stamp
 	$(VENV)/bin/pyright --pythonpath $(RUN)
+
+docs: $(VENV)/docs.stamp
+	NO_MKDOCS_2_WARNING=1 $(RUN) -m mkdocs build --strict --quiet
 
 fast-tests: $(VENV)/test.stamp
 	$(RUN) -m pytest --numprocesses $(WORKERS) --dist loadfile $(ARGS)
@@ -60,7 +64,7 @@ else
 endif
 
 clean:
-	rm -rf .venv .venv-* build dist *.egg-info .pytest_cache .ruff_cache .hypothesis .jax_cache
+	rm -rf .venv .venv-* build dist site *.egg-info .pytest_cache .ruff_cache .hypothesis .jax_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(RUN):
@@ -76,4 +80,8 @@ $(VENV)/package.stamp: pyproject.toml | $(RUN)
 
 $(VENV)/test.stamp: pyproject.toml | $(RUN)
 	$(PIP) --editable ".[test]"
+	touch $@ $(VENV)/package.stamp
+
+$(VENV)/docs.stamp: pyproject.toml | $(RUN)
+	$(PIP) --editable ".[docs]"
 	touch $@ $(VENV)/package.stamp

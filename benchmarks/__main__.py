@@ -36,6 +36,7 @@ SCRIPTS = (
     "scaling",
     "stop_sets",
     "replanning",
+    "exported_moves",
     "cold_start",
     "routing",
 )

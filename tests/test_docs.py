@@ -1,0 +1,56 @@
+"""What the documentation shows is what there is: its example runs, and its figures stand in the recorded results."""
+
+import json
+import re
+import runpy
+from pathlib import Path
+
+import pytest
+
+import basenet_jax as bn
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+PAGES = sorted(DOCS.glob("*.md"))
+
+
+def test_the_example_planner_plans(monkeypatch, capsys):
+    from basenet_jax.planners.registry import PLANNERS
+
+    monkeypatch.syspath_prepend(str(DOCS / "examples"))
+    monkeypatch.delitem(PLANNERS, "nearest-stop", raising=False)
+    try:
+        runpy.run_path(str(DOCS / "examples" / "use_nearest_stop.py"), run_name="__main__")
+    finally:
+        PLANNERS.pop("nearest-stop", None)
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == ["nearest-stop", "greedy-stops", "basenet"]
+    times = [float(line.split()[-2]) for line in lines]
+    assert all("4 of 4 grasped" in line for line in lines)
+    assert times[2] < times[0], "the learned planner is better than the nearest stop"
+
+
+def test_the_example_is_as_short_as_the_page_says():
+    code = (DOCS / "examples" / "nearest_stop.py").read_text().split("class NearestStop")[1]
+    assert len([line for line in code.splitlines() if line.strip()]) <= 30
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.stem)
+def test_every_page_is_in_the_navigation_and_every_picture_is_there(path):
+    assert path.name in (ROOT / "mkdocs.yml").read_text()
+    text = path.read_text()
+    for picture in re.findall(r"!\[[^\]]*\]\(([^)]+)\)", text):
+        assert (path.parent / picture).is_file(), picture
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.stem)
+def test_every_results_file_that_a_page_names_is_there_with_the_command_that_it_names(path):
+    text = path.read_text()
+    for name in re.findall(r"benchmarks/results/([\w]+)\.json", text):
+        command = json.loads((ROOT / "benchmarks" / "results" / f"{name}.json").read_text())["command"]
+        assert command in text, f"{name}.json was made by: {command}"
+
+
+def test_the_reference_has_every_public_name_once():
+    names = re.findall(r"^::: basenet_jax\.(\w+)$", (DOCS / "reference.md").read_text(), re.MULTILINE)
+    assert sorted(names) == sorted(bn.__all__)
