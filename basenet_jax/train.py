@@ -13,7 +13,7 @@ class Arguments:
     """Trains the paper's two layers, base-pose policy and grasp-sequence policy, then the stop policy, and evaluates.
 
     Planner basenet-paper uses the first two, basenet and basenet-sample the third, which needs no other layer. Times
-    are in seconds. On two CPU cores the quick preset takes about 5 minutes, the default one about 40. An
+    are in seconds. On two CPU cores the quick preset takes about 5 minutes, the default one about 20. An
     interrupted run (Ctrl-C, or a kill at any moment) is continued with --run-dir DIR --resume and ends with the very
     weights of an uninterrupted one.
     """
