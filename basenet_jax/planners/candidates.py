@@ -19,7 +19,7 @@ from basenet_jax.trigonometry import sin_cos
 from basenet_jax.world.clearance import base_collides
 from basenet_jax.world.scene import Scene, Table
 
-PAIRS_AT_ONCE = 12_288  # of pose and object, checked in one round: all that are near in a scene of ten objects
+PAIRS_AT_ONCE = 9_216  # of pose and object, checked in one round: all that are near in most scenes of ten objects
 REACH_MARGIN = 0.005  # m: covers a converged solution's position error and rounding
 
 
