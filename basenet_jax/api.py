@@ -18,6 +18,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import PRNGKeyArray
 
+from basenet_jax.devices import ONE_DEVICE, Devices
 from basenet_jax.planners import registry
 from basenet_jax.planners.protocol import Planner, PlannerSetup
 from basenet_jax.robot.reading import DEFAULT_ROBOT, load_robot
@@ -177,6 +178,7 @@ def planner_for(
     weights: str | os.PathLike[str] | None = None,
     budget_s: float = 0.0,
     samples: int = 256,
+    devices: Devices = ONE_DEVICE,
 ) -> tuple[PlannerSetup, Planner]:
     """A planner for a scene's robot and table, and what it was made for; made once and kept.
 
@@ -193,7 +195,7 @@ def planner_for(
     # A file that was written anew is another one.
     version = path.stat().st_mtime_ns if path is not None and path.exists() else None
     sides = (float(table.half_size[0]), float(table.half_size[1]))
-    return _planner(name, _robot_name(scene), sides, float(table.height), budget_s, samples, path, version)
+    return _planner(name, _robot_name(scene), sides, float(table.height), budget_s, samples, devices, path, version)
 
 
 @functools.lru_cache(maxsize=16)
@@ -204,12 +206,14 @@ def _planner(
     height: float,
     budget_s: float,
     samples: int,
+    devices: Devices,
     weights: Path | None,
     version: int | None,
 ) -> tuple[PlannerSetup, Planner]:
     del version
     table = Table(half_size=jnp.array(half_size), height=jnp.array(height))
-    setup = PlannerSetup(_robot(robot), table, weights=weights, samples=samples, budget_s=budget_s)
+    own = {"weights": weights, "samples": samples, "budget_s": budget_s, "devices": devices}
+    setup = PlannerSetup(_robot(robot), table, **own)
     return setup, registry.make_planner(name, setup)
 
 

@@ -10,6 +10,7 @@ from jax import Array
 from jaxtyping import PRNGKeyArray
 
 from basenet_jax import api
+from basenet_jax.devices import use_devices
 from basenet_jax.planners import protocol
 from basenet_jax.robot.reading import DEFAULT_ROBOT
 from basenet_jax.task.plan import Plan
@@ -47,6 +48,7 @@ def plan_batch(
     budget_s: float = 0.0,
     samples: int = 256,
     key: Array | None = None,
+    devices: int | None = None,
 ) -> Plan:
     """Plans many scenes in one call: the learned planners in one program, the others one scene after the other.
 
@@ -58,12 +60,13 @@ def plan_batch(
         budget_s: likewise, for each scene.
         samples: likewise.
         key: split into one for each scene; by default `jax.random.key(0)`.
+        devices: so many share the scenes of the learned planners; by default all there are.
 
     Returns:
         Plans with the same leading axis, which `execute` judges together with the scenes, given the robot.
 
     Raises:
-        ValueError: it is no batch, or their tables differ; or see `make_plan`.
+        ValueError: it is no batch, or their tables differ; there aren't so many devices; or see `make_plan`.
     """
     if scenes.mask.ndim != 2 or not len(scenes.mask):
         raise ValueError(
@@ -73,7 +76,7 @@ def plan_batch(
     if not np.all(tables == tables[0]):
         raise ValueError("scenes: found several tables; plan the scenes of each table in a call of their own")
     first = NamedScene(jax.tree.map(lambda x: x[0], scenes), names=(), robot=robot)
-    _, made = api.planner_for(first, planner, weights, budget_s, samples)
+    _, made = api.planner_for(first, planner, weights, budget_s, samples, use_devices(devices))
     return protocol.plan_batch(made, scenes, jax.random.key(0) if key is None else key)
 
 

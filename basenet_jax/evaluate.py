@@ -41,6 +41,8 @@ class Arguments:
     """Seconds that an anytime planner (refined) goes on for a better plan; its first one it always finishes."""
     samples: int = 256
     """Rollouts that basenet-sample draws and takes the best of."""
+    devices: int | None = None
+    """How many of this machine's devices plan the scenes beyond --timed together. Default: all."""
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -30,6 +30,8 @@ class Arguments:
     """Continue the run in --run-dir."""
     robot: str = "ur5e_mobile"
     """A packaged robot (panda_mobile, ur10e_mobile, ur3e_mobile, ur5e_mobile), or the path of a robot file."""
+    devices: int | None = None
+    """How many of this machine's devices share the work; the result is one device's up to rounding. Default: all."""
     layer: Literal["base-pose", "sequence", "stops", "all"] = "all"
     """What to train; sequence needs the base-pose weights of the run directory."""
 
@@ -47,6 +49,7 @@ def main(arguments: list[str] | None = None) -> int:
 def _train(options: Arguments) -> int:
     # Here and not above: JAX, Brax and MuJoCo take seconds to import, which --help needn't wait for.
     from basenet_jax.compilation import enable_cache
+    from basenet_jax.devices import use_devices
     from basenet_jax.evaluation.summary import print_summary, summarise
     from basenet_jax.learning.checkpoint import CheckpointError
     from basenet_jax.learning.config import make_preset
@@ -65,12 +68,15 @@ def _train(options: Arguments) -> int:
     config = make_preset(
         options.preset, objects=options.objects, seed=options.seed, robot=robot.name, robot_digest=digest
     )
+    try:
+        training = Training(config, robot, use_devices(options.devices))
+    except ValueError as error:
+        return _fail(2, f"--{error}")
     path = options.run_dir or default_path(options.preset, options.seed)
     reporter = make_reporter()
     try:
         with RunDirectory(path, config, resume=options.resume) as run:
             reporter.note(f"run directory: {path}")
-            training = Training(config, robot)
             weights = training.train(run, reporter, layer=options.layer, resume=options.resume)
             reporter.stage("evaluating ...")
             summary = summarise(training, weights)

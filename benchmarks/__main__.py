@@ -34,6 +34,8 @@ SCRIPTS = (
     "planners",
     "paper_planner",
     "scaling",
+    "many_scenes",
+    "many_devices",
     "stop_sets",
     "replanning",
     "exported_moves",

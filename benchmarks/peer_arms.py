@@ -139,7 +139,7 @@ def mink_solver(
 
 def arm_model(robot: Robot) -> mujoco.MjModel:
     """The robot's MJCF with its base standing at W's origin for good: the arm's joints are all that is left."""
-    spec = mujoco.MjSpec.from_file(robot.model_path)
+    spec = mujoco.MjSpec.from_string(robot.model_xml)
     for joint in list(spec.joints):
         if joint.name not in robot.joint_names:
             spec.delete(joint)

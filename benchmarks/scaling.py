@@ -57,6 +57,7 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
             key = jax.random.key(options.seed)
             timed = [plan_timed(planner, scene, key, repeats=options.repeats) for scene in scenes]
             results.append({"what": name, "objects": objects} | _times([each.planning_time_s for each in timed]))
+        jax.clear_caches()  # compiled programs use up the memory mappings that Linux allows a process
     series = {name: [_point(row) for row in results if row["what"] == name] for name in planners}
     return report.finish(
         results,

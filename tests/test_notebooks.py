@@ -29,7 +29,8 @@ def pictures(notebook):
 
 
 def test_all_notebooks_are_there():
-    assert [path.name for path in NOTEBOOKS] == ["01_quickstart.ipynb", "02_train.ipynb", "03_results.ipynb"]
+    names = ["01_quickstart.ipynb", "02_train.ipynb", "03_results.ipynb", "04_your_robot.ipynb"]
+    assert [path.name for path in NOTEBOOKS] == names
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
@@ -41,7 +42,9 @@ def test_notebooks_are_valid_begin_with_an_installation_and_hold_no_output(path)
     assert not any(cell.outputs or cell.execution_count for cell in cells)
 
 
-@pytest.mark.parametrize(("name", "drawn"), [("01_quickstart", 3), ("02_train", 2), ("03_results", 2)])
+@pytest.mark.parametrize(
+    ("name", "drawn"), [("01_quickstart", 3), ("02_train", 2), ("03_results", 2), ("04_your_robot", 3)]
+)
 def test_a_notebook_runs(name, drawn, tmp_path, environment):
     notebook = nbformat.read(ROOT / "notebooks" / f"{name}.ipynb", as_version=4)
     client = NotebookClient(

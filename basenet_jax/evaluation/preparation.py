@@ -8,6 +8,7 @@ from typing import Any
 
 import jax
 
+from basenet_jax.devices import use_devices
 from basenet_jax.evaluation import provenance
 from basenet_jax.evaluation.planning import Planners, choose_planners
 from basenet_jax.evaluation.scene_sets import SceneSet, load_sets, random_set
@@ -34,6 +35,7 @@ class Request:
     timed: int = 100
     budget: float = 0.0
     samples: int = 256
+    devices: int | None = None
 
 
 def prepare(request: Request, arguments: list[str]) -> tuple[Planners, list[SceneSet], dict[str, Any]]:
@@ -74,6 +76,7 @@ def _scenes(request: Request) -> tuple[PlannerSetup, list[SceneSet], str]:
         "weights": request.weights,
         "samples": request.samples,
         "budget_s": request.budget,
+        "devices": use_devices(request.devices),
     }
     if request.scene_dir is not None:
         robot, sets = load_sets(request.scene_dir, request.robot)

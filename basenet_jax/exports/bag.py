@@ -29,7 +29,8 @@ def write_bag(folder: Path, schedule: Schedule) -> None:
     from rosbags.rosbag2 import StoragePlugin, Writer  # an extra: `pip install "basenet_jax[ros]"`
     from rosbags.typesys import Stores, get_typestore
 
-    # The messages are the same in all distributions; what is written in this version and storage, all of them read.
+    # These messages are the same in all distributions. Version 8 is the oldest layout that rosbags writes, and
+    # SQLite the storage that needs no plugin.
     store = get_typestore(Stores.ROS2_HUMBLE)
     messages = _Messages(store.types, schedule)
     with Writer(folder, version=8, storage_plugin=StoragePlugin.SQLITE3) as writer:

@@ -5,7 +5,7 @@ Sources: the BaSeNet paper (arXiv 2406.08653) where it says so; the rest are cho
 
 import dataclasses
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 from basenet_jax.config import WorldConfig
 
@@ -47,6 +47,11 @@ class SacConfig:
     evaluation_problems: int = 4_096
     evaluation_seed: int = 1_000_003  # of the fixed problems
 
+    @property
+    def batches(self) -> dict[str, int]:
+        """Sizes of what several devices share."""
+        return _settings(self, "episodes_per_iteration", "batch_size", "evaluation_problems")
+
 
 @dataclass(frozen=True)
 class ReinforceConfig:
@@ -69,6 +74,11 @@ class ReinforceConfig:
     significance: float = 0.05
     evaluation_scenes: int = 1_024
     evaluation_seed: int = 1_000_033
+
+    @property
+    def batches(self) -> dict[str, int]:
+        """Sizes of what several devices share."""
+        return _settings(self, "episodes_per_update", "test_episodes", "evaluation_scenes")
 
 
 @dataclass(frozen=True)
@@ -93,6 +103,11 @@ class StopLearningConfig:
     intervals: int = 36
     evaluation_problems: int = 256
     evaluation_seed: int = 1_000_037
+
+    @property
+    def batches(self) -> dict[str, int]:
+        """Sizes of what several devices share."""
+        return _settings(self, "examples", "imitations_per_update", "problems_per_update", "evaluation_problems")
 
 
 Preset = Literal["quick", "default", "paper"]
@@ -149,3 +164,7 @@ def make_preset(
     return TrainConfig(
         preset=preset, seed=seed, robot=robot, robot_digest=robot_digest, sac=sac, reinforce=reinforce, stops=stops
     )
+
+
+def _settings(config: Any, *names: str) -> dict[str, int]:
+    return {name: getattr(config, name) for name in names}

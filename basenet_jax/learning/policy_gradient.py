@@ -21,7 +21,7 @@ def policy_gradient(
     steps: PickupStep,
     weight: Float[Array, " B"],
 ) -> tuple[Any, Float[Array, ""]]:
-    """Gradient of the mean over episodes of `weight · log probability of the choices`, and the choices' mean entropy.
+    """Gradient of the mean over episodes of `weight · log probability of the choices`, and of the choices' entropies.
 
     Choices are sorted by how many objects remained, and computed on as few slots as these need, some at a time. So
     memory holds the activations of few of them, and the steps of an episode that has ended cost nothing.
@@ -34,7 +34,7 @@ def policy_gradient(
         weight: of the episodes.
 
     Returns:
-        Like the parameters; and nats per choice.
+        Like the parameters; and nats per episode.
     """
     slots, episodes = steps.choice.shape
     counts = steps.active & ~steps.state.ended
@@ -57,7 +57,7 @@ def policy_gradient(
             return jax.grad(weighted, has_aux=True)(params)
 
         total = _add_chunks(gradient, total, (number > fewer) & (number <= most), max(1, episodes // _PARTS))
-    return total[0], total[1] / jnp.maximum(jnp.sum(counts), 1)
+    return total[0], total[1] / episodes
 
 
 def _log_probability(

@@ -6,6 +6,7 @@ policy has become better, and then a fresh set of scenes is drawn.
 """
 
 import dataclasses
+from functools import partial
 from typing import Any
 
 import jax
@@ -13,8 +14,10 @@ import jax.numpy as jnp
 import optax
 from flax import struct
 from jax import Array
+from jaxtyping import Float
 
 from basenet_jax.config import WorldConfig
+from basenet_jax.devices import ONE_DEVICE, Devices
 from basenet_jax.learning.config import ReinforceConfig
 from basenet_jax.learning.policy_gradient import policy_gradient
 from basenet_jax.policies.base_pose import BasePosePolicy
@@ -48,9 +51,22 @@ def sequence_network(config: ReinforceConfig) -> GraspSequencePolicy:
 class Reinforce:
     """The learner: `init` makes a state, `interval` trains on and evaluates."""
 
-    def __init__(self, robot: Robot, base_pose: BasePosePolicy, config: ReinforceConfig, world: WorldConfig):
-        """Builds the network and its optimiser, for a frozen base-pose policy."""
+    def __init__(
+        self,
+        robot: Robot,
+        base_pose: BasePosePolicy,
+        config: ReinforceConfig,
+        world: WorldConfig,
+        devices: Devices = ONE_DEVICE,
+    ):
+        """Builds the network and its optimiser, for a frozen base-pose policy.
+
+        Raises:
+            ValueError: the batches can't be shared out to the devices.
+        """
         self.robot, self.base_pose, self.config, self.world = robot, base_pose, config, world
+        self.devices = devices
+        devices.check(config.batches)
         self.table = Table.from_config(world.table)
         self.network = sequence_network(config)
         updates = config.updates_per_interval * config.intervals
@@ -66,7 +82,7 @@ class Reinforce:
         network_key, test_key, key = jax.random.split(key, 3)
         slots = self.config.objects
         params = self.network.init(network_key, jnp.zeros((slots, 4)), jnp.zeros(3), jnp.ones(slots, bool))
-        return ReinforceState(
+        state = ReinforceState(
             params=params,
             baseline=jax.tree.map(jnp.copy, params),
             optimizer=self.optimizer.init(params),
@@ -75,6 +91,7 @@ class Reinforce:
             update=jnp.zeros((), jnp.int32),
             swaps=jnp.zeros((), jnp.int32),
         )
+        return self.devices.everywhere(state)
 
     def interval(self, state: ReinforceState) -> tuple[ReinforceState, Metrics]:
         """Some updates, the baseline's t-test, and the greedy policy's evaluation.
@@ -85,7 +102,8 @@ class Reinforce:
         state, training = jax.lax.scan(self._update, state, length=self.config.updates_per_interval)
         state = self._challenge_baseline(state)
         metrics = {name: jnp.mean(values) for name, values in training.items()}
-        return state, metrics | self.evaluate(state.params) | {"baseline_swaps": state.swaps}
+        metrics |= self.evaluate(state.params) | {"baseline_swaps": state.swaps}
+        return self.devices.everywhere((state, metrics))
 
     def evaluate(self, params: Any) -> Metrics:
         """Navigation time (s) of greedy rollouts on fixed scenes with all objects, beside nearest-object-first's."""
@@ -111,7 +129,7 @@ class Reinforce:
             )
             return scene
 
-        return jax.vmap(draw_one)(jax.random.split(scene_key, count), numbers)
+        return self.devices.apart(jax.vmap(draw_one), in_axes=(0, 0))(jax.random.split(scene_key, count), numbers)
 
     def play(self, params: Any, scenes: Scene, key: Array, *, greedy: bool) -> PickupStep:
         """Rolls the policy out, sampling objects or taking the most probable ones."""
@@ -129,7 +147,7 @@ class Reinforce:
         if self.config.baseline:
             advantage = cost - self.cost(self.play(state.baseline, scenes, baseline_key, greedy=True))
         weight = self.config.navigation_weight * advantage
-        gradient, entropy = policy_gradient(self.network, state.params, scenes.grasps, steps, weight)
+        gradient, entropy = self.gradient(state.params, scenes.grasps, steps, weight)
         change, optimizer = self.optimizer.update(gradient, state.optimizer, state.params)
         metrics = {"cost": jnp.mean(cost), "advantage": jnp.mean(advantage), "entropy": entropy}
         state = dataclasses.replace(
@@ -140,6 +158,13 @@ class Reinforce:
             update=state.update + 1,
         )
         return state, metrics | {"gradient_norm": optax.tree.norm(gradient)}
+
+    def gradient(
+        self, params: Any, grasps: Float[Array, "B M 4"], steps: PickupStep, weight: Float[Array, " B"]
+    ) -> tuple[Any, Float[Array, ""]]:
+        """See `policy_gradient`."""
+        own = self.devices.apart(partial(policy_gradient, self.network), in_axes=(None, 0, 1, 0), mean=True)
+        return own(params, grasps, steps, weight)
 
     def cost(self, steps: PickupStep) -> Array:
         """Cost (s) of each episode."""

@@ -15,6 +15,7 @@ import optax
 from flax import struct
 from jax import Array
 
+from basenet_jax.devices import ONE_DEVICE, Devices
 from basenet_jax.learning._brax import (
     State,
     gradients,
@@ -58,9 +59,14 @@ class SacState:
 class Sac:
     """The learner: `init` makes a state, `interval` trains on and evaluates."""
 
-    def __init__(self, env: BasePoseEnv, config: SacConfig):
-        """Builds networks, losses and replay buffer for an environment; evaluation draws the five classes only."""
-        self.env, self.config = env, config
+    def __init__(self, env: BasePoseEnv, config: SacConfig, devices: Devices = ONE_DEVICE):
+        """Builds networks, losses and replay buffer for an environment; evaluation draws the five classes only.
+
+        Raises:
+            ValueError: the batches can't be shared out to the devices.
+        """
+        self.env, self.config, self.devices = env, config, devices
+        devices.check(config.batches)
         self.evaluation_env = copy.copy(env)
         self.evaluation_env.own_class_share = 0.0
         normalize: Any = running_statistics.normalize
@@ -95,7 +101,7 @@ class Sac:
         actor = self.networks.policy_network.init(actor_key)
         critics = self.networks.q_network.init(critics_key)
         log_alpha = jnp.log(jnp.array(self.config.initial_alpha, jnp.float32))
-        return SacState(
+        state = SacState(
             actor=actor,
             critics=critics,
             log_alpha=log_alpha,
@@ -107,6 +113,7 @@ class Sac:
             key=key,
             iteration=jnp.zeros((), jnp.int32),
         )
+        return self.devices.everywhere(state)
 
     def interval(self, state: SacState) -> tuple[SacState, Metrics]:
         """Some iterations of episodes and updates, then the evaluation of the deterministic policy.
@@ -116,12 +123,15 @@ class Sac:
         """
         state, training = jax.lax.scan(self._iterate, state, length=self.config.iterations_per_interval)
         metrics = {name: jnp.mean(values) for name, values in training.items()}
-        return state, metrics | self.evaluate(self.policy(state), jax.random.key(self.config.evaluation_seed))
+        metrics |= self.evaluate(self.policy(state), jax.random.key(self.config.evaluation_seed))
+        return self.devices.everywhere((state, metrics))
 
     def evaluate(self, policy: BasePosePolicy, key: Array) -> Metrics:
         """Single-pick success, collisions and mean times of a deterministic policy, on problems drawn by `key`."""
-        start = jax.vmap(self.evaluation_env.reset)(jax.random.split(key, self.config.evaluation_problems))
-        trial = self.evaluation_env.park(start, policy(start.info["grasp"], start.info["robot_pose"]))
+        env, apart = self.evaluation_env, self.devices.apart
+        start = apart(jax.vmap(env.reset))(jax.random.split(key, self.config.evaluation_problems))
+        base_pose = policy(start.info["grasp"], start.info["robot_pose"])
+        trial = apart(env.park, in_axes=(0, 0))(start, base_pose)
         success, collision = jnp.mean(trial.success), jnp.mean(trial.collision)
         return {
             "success": success,
@@ -149,13 +159,13 @@ class Sac:
             logits = self.networks.policy_network.apply(state.normalizer, state.actor, start.obs)
             return self.networks.parametric_action_distribution.sample(logits, action_key)
 
-        memory, measured = _play(self.env, reset_key, act, self.config.episodes_per_iteration)
+        memory, measured = self._play(reset_key, act)
         state = dataclasses.replace(
             state,
             key=key,
             iteration=state.iteration + 1,
             normalizer=running_statistics.update(state.normalizer, memory.observation),
-            replay=self.replay.insert_internal(state.replay, memory),
+            replay=self.replay.insert_internal(state.replay, self.devices.everywhere(memory)),
         )
         # Unrolled, XLA's CPU runtime runs independent products of one update side by side on two cores.
         keys = jax.random.split(update_key, self.config.updates_per_iteration)
@@ -168,6 +178,7 @@ class Sac:
         """One gradient step of temperature, critics and actor each, on one batch from the replay buffer."""
         alpha_key, actor_key = jax.random.split(key)
         replay, memory = self.replay.sample_internal(state.replay)
+        memory = self.devices.split(memory)
         alpha = jnp.exp(state.log_alpha)
         alpha_loss, log_alpha, alpha_optimizer = self._update_alpha(
             state.log_alpha,
@@ -197,6 +208,15 @@ class Sac:
         metrics = {"critic_loss": critic_loss, "actor_loss": actor_loss, "alpha_loss": alpha_loss, "alpha": alpha}
         return state, metrics
 
+    def _play(self, key: Array, act: Callable[[State], Array]) -> tuple[Memory, Metrics]:
+        """A batch of fresh episodes with the actions that `act` gives for their first states."""
+        apart = self.devices.apart
+        start = apart(jax.vmap(self.env.reset))(jax.random.split(key, self.config.episodes_per_iteration))
+        observation: Any = start.obs
+        action = act(start)
+        end = apart(self.env.step, in_axes=(0, 0))(start, action)
+        return Memory(observation, action, end.reward), end.metrics
+
     def _target_entropy(self, iteration: Array) -> Array:
         """The target entropy (nats) of an iteration: from the first one's to the last one's in a straight line."""
         first, last = self.config.target_entropy, self.config.final_target_entropy
@@ -220,15 +240,6 @@ class Sac:
         raw = distribution.sample_no_postprocessing(logits, key)
         surplus = -distribution.log_prob(logits, raw) - target_entropy
         return jnp.exp(log_alpha) * jnp.mean(jax.lax.stop_gradient(surplus))
-
-
-def _play(env: BasePoseEnv, key: Array, act: Callable[[State], Array], episodes: int) -> tuple[Memory, Metrics]:
-    """A batch of fresh episodes with the actions that `act` gives for their first states."""
-    start = jax.vmap(env.reset)(jax.random.split(key, episodes))
-    observation: Any = start.obs
-    action = act(start)
-    end = env.step(start, action)
-    return Memory(observation, action, end.reward), end.metrics
 
 
 def _gradient_step(loss: Callable[..., Any], optimizer: optax.GradientTransformation) -> Callable[..., Any]:

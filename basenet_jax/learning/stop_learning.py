@@ -8,6 +8,7 @@ and Welling, "Buy 4 REINFORCE samples, get a baseline for free!", 2019): no seco
 """
 
 import dataclasses
+from functools import partial
 from typing import Any
 
 import jax
@@ -18,6 +19,7 @@ from jax import Array
 from jaxtyping import Float, Int
 
 from basenet_jax.config import AlignedConfig, WorldConfig
+from basenet_jax.devices import ONE_DEVICE, Devices
 from basenet_jax.learning.config import StopLearningConfig
 from basenet_jax.learning.stop_problems import (
     Draw,
@@ -66,9 +68,15 @@ class StopLearning:
         config: StopLearningConfig = StopLearningConfig(),
         world: WorldConfig = WorldConfig(),
         aligned: AlignedConfig = AlignedConfig(),
+        devices: Devices = ONE_DEVICE,
     ):
-        """Prepares the stops, the network and its optimiser."""
-        self.robot, self.config, self.world = robot, config, world
+        """Prepares the stops, the network and its optimiser.
+
+        Raises:
+            ValueError: the batches can't be shared out to the devices.
+        """
+        self.robot, self.config, self.world, self.devices = robot, config, world, devices
+        devices.check(config.batches)
         self.table = Table.from_config(world.table)
         poses = aligned_poses(robot, self.table, aligned, world.pick)
         self.half_turn = half_turn_of(poses)
@@ -101,7 +109,7 @@ class StopLearning:
         examples = draw_many(example_key, library, config.examples, config.objects)
         problem = problem_of(library, jax.tree.map(lambda x: x[0], examples))
         params = self.policy.init(network_key, self.graph, problem, start(problem))
-        return StopLearningState(
+        state = StopLearningState(
             params=params,
             optimizer=self.optimizer.init(params),
             library=library,
@@ -111,6 +119,7 @@ class StopLearning:
             key=key,
             update=jnp.zeros((), jnp.int32),
         )
+        return self.devices.everywhere(state)
 
     def interval(self, state: StopLearningState) -> tuple[StopLearningState, Metrics]:
         """Some updates, and the greedy policy's evaluation.
@@ -127,7 +136,7 @@ class StopLearning:
 
         state, training = jax.lax.cond(imitates, train(self.imitation), train(self.reinforcement), state)
         metrics = {name: jnp.mean(values) for name, values in training.items()}
-        return state, metrics | self.evaluate(state) | {"imitates": imitates}
+        return self.devices.everywhere((state, metrics | self.evaluate(state) | {"imitates": imitates}))
 
     def evaluate(self, state: StopLearningState) -> Metrics:
         """Execution time (s) of greedy rollouts on fixed problems with all objects, beside the rule's."""
@@ -148,22 +157,28 @@ class StopLearning:
         draws, answers = jax.tree.map(
             lambda a, b: jnp.where(turns.reshape(-1, *(1,) * (a.ndim - 1)), a, b), other, (draws, answers)
         )
+        draws, answers = self.devices.split((draws, answers))
         problems = problem_of(state.library, draws)
-        gradient, loss, entropy = choices_gradient(
-            self.policy, state.params, self.graph, problems, answers, jnp.ones(len(chosen))
-        )
+        gradient, loss, entropy = self.gradient(state.params, problems, answers, jnp.ones(len(chosen)))
         return gradient, {"loss": loss, "entropy": entropy}
 
     def reinforcement(self, state: StopLearningState, key: Array) -> tuple[Any, Metrics]:
         """Gradient of the expected time, by sampled episodes."""
         config = self.config
         draw_key, play_key = jax.random.split(key)
-        draws = draw_many(draw_key, state.library, config.problems_per_update, config.objects)
+        draws = self.devices.split(draw_many(draw_key, state.library, config.problems_per_update, config.objects))
         problems = problem_of(state.library, jax.tree.map(lambda x: jnp.repeat(x, config.samples, axis=0), draws))
         visited = play(self.policy, state.params, self.graph, problems, choose_randomly(play_key))
         advantage = advantages(plans_of(self.graph, problems, visited).cost, config.samples)
-        gradient, loss, entropy = choices_gradient(self.policy, state.params, self.graph, problems, visited, -advantage)
+        gradient, loss, entropy = self.gradient(state.params, problems, visited, -advantage)
         return gradient, {"loss": loss, "entropy": entropy}
+
+    def gradient(
+        self, params: Any, problems: StopScene, visited: Int[Array, "B M"], weight: Float[Array, " B"]
+    ) -> tuple[Any, Float[Array, ""], Float[Array, ""]]:
+        """See `choices_gradient`."""
+        own = self.devices.apart(partial(choices_gradient, self.policy), in_axes=(None, None, 0, 0, 0), mean=True)
+        return own(params, self.graph, problems, visited, weight)
 
     def _update(self, state: StopLearningState, gradient_of: Any) -> tuple[StopLearningState, Metrics]:
         own_key, key = jax.random.split(state.key)
@@ -177,18 +192,22 @@ class StopLearning:
     def _search(self, library: Library, draws: Draw, key: Array) -> Int[Array, "E N"]:
         """The stops of the best plans that are found, in order, then -1."""
 
-        def search(problem: tuple[Draw, Array]) -> Array:
-            draw, key = problem
-            answer = searched_stops(self.graph, problem_of(library, draw), key, self.config.search_iterations)
-            return answer.astype(jnp.int32)
+        def search_all(library: Library, draws: Draw, keys: Array) -> Array:
+            def search(problem: tuple[Draw, Array]) -> Array:
+                draw, key = problem
+                answer = searched_stops(self.graph, problem_of(library, draw), key, self.config.search_iterations)
+                return answer.astype(jnp.int32)
 
-        return jax.lax.map(search, (draws, jax.random.split(key, len(draws.start))))
+            return jax.lax.map(search, (draws, keys))
+
+        keys = jax.random.split(key, len(draws.start))
+        return self.devices.apart(search_all, in_axes=(None, 0, 0))(library, draws, keys)
 
     def _greedy_time(self, params: Any, library: Library) -> Array:
         config = self.config
         keys = jax.random.split(jax.random.key(config.evaluation_seed), config.evaluation_problems)
         draws = jax.vmap(lambda key: draw_problem(key, library, config.objects, config.objects))(keys)
-        problems = problem_of(library, draws)
+        problems = problem_of(library, self.devices.split(draws))
         visited = play(self.policy, params, self.graph, problems, choose_best)
         return jnp.mean(plans_of(self.graph, problems, visited).cost)
 

@@ -5,6 +5,7 @@ from typing import Any, Literal, NamedTuple
 
 import jax
 
+from basenet_jax.devices import ONE_DEVICE, Devices
 from basenet_jax.learning.base_pose_env import BasePoseEnv
 from basenet_jax.learning.config import TrainConfig
 from basenet_jax.learning.progress import Reporter
@@ -36,14 +37,20 @@ class Trained(NamedTuple):
 class Training:
     """One training: its configuration, and the learners made from it."""
 
-    def __init__(self, config: TrainConfig, robot: Robot | None = None):
+    def __init__(self, config: TrainConfig, robot: Robot | None = None, devices: Devices = ONE_DEVICE):
         """Compiles nothing yet.
 
         Args:
             config: of everything.
             robot: one that isn't packaged; by default the packaged one that the configuration names.
+            devices: that share the work; the results are one device's up to rounding.
+
+        Raises:
+            ValueError: a batch can't be shared out to the devices.
         """
-        self.config = config
+        self.config, self.devices = config, devices
+        for layer in (config.sac, config.reinforce, config.stops):
+            devices.check(layer.batches)  # now, not after an hour of the layers before
         self.robot: Robot = jax.device_put(load_robot(config.robot) if robot is None else robot)
         self.base_pose_key, self.sequence_key, self.stops_key = jax.random.split(jax.random.key(config.seed), 3)
         env = BasePoseEnv(
@@ -53,11 +60,11 @@ class Training:
             reward=config.sac.reward,
             world=config.world,
         )
-        self.sac = Sac(env, config.sac)
+        self.sac = Sac(env, config.sac, devices)
 
     def reinforce(self, base_pose: BasePosePolicy) -> Reinforce:
         """The sequence learner for a frozen base-pose policy."""
-        return Reinforce(self.robot, base_pose, self.config.reinforce, self.config.world)
+        return Reinforce(self.robot, base_pose, self.config.reinforce, self.config.world, self.devices)
 
     def train(self, run: RunDirectory, reporter: Reporter, *, layer: Layer = "all", resume: bool = False) -> Trained:
         """Trains the layers asked for, and writes their weights into the run directory.
@@ -123,7 +130,7 @@ class Training:
         reporter.note("stops: a library of picks and searched plans comes first")
         state = _run(
             "stops",
-            StopLearning(self.robot, config, self.config.world),
+            StopLearning(self.robot, config, self.config.world, devices=self.devices),
             self.stops_key,
             run,
             reporter,

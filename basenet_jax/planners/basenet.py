@@ -5,6 +5,7 @@ slower picks; see `policies.stop_policy`.
 """
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -14,13 +15,14 @@ from jax import Array
 from jaxtyping import Bool, Float
 
 from basenet_jax.config import AlignedConfig, WorldConfig
+from basenet_jax.devices import Devices
 from basenet_jax.planners.aligned_stops import aligned_poses
 from basenet_jax.planners.candidates import Candidates, check_candidates, estimate_times
 from basenet_jax.planners.optimistic import settle, stop_scenes
 from basenet_jax.planners.protocol import PlannerSetup
 from basenet_jax.policies.stop_policy import StopGraph, StopPolicy, StopScene, stop_graph
 from basenet_jax.policies.stop_rollout import StopPlan, cheapest, choose_best, plans_of, play, sample
-from basenet_jax.policies.trained import load_policies
+from basenet_jax.policies.trained import load_stops
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.picking import Reason
 from basenet_jax.task.plan import Plan
@@ -29,7 +31,7 @@ from basenet_jax.world.scene import Scene, Table
 _PAIRS = 1536  # of stop and object: all those of ten objects and the aligned stops in reach
 _PAIRS_AT_ONCE = 4 * _PAIRS  # of several scenes, estimated in one round
 _SCENES_AT_ONCE = 16  # planned in one round
-_BATCH = 256  # scenes of one call of the compiled program; more go in several calls
+_BATCH = 256  # scenes of one call of the compiled program on each device; more go in several calls
 
 
 class BaSeNet:
@@ -60,8 +62,8 @@ class BaSeNet:
             ValueError: the weights are missing, damaged, of other networks or for another robot; the message names
                 the file.
         """
-        self._setup = setup
-        params = load_policies(setup.weights, setup.robot.name).stops if params is None else params
+        self._setup, self._devices = setup, setup.devices
+        params = load_stops(setup.weights, setup.robot.name) if params is None else params
         self._made_for = _MadeFor(setup.robot, setup.table, params)
         self._program = _Program(policy, setup.samples if sampled else 0, setup.world)
         stops = jax.device_put(aligned_poses(setup.robot, setup.table, aligned, setup.world.pick))
@@ -79,13 +81,13 @@ class BaSeNet:
 
     def plan_batch(self, scenes: Scene, key: Array) -> Plan:
         """Plans a batch of scenes in one program; see `BatchPlanner`."""
-        count = len(scenes.mask)
-        size = min(count, _BATCH)
+        count, devices = len(scenes.mask), self._devices
+        size = min(-(-count // devices.count), _BATCH) * devices.count
         keys, parts = jax.random.split(key, count), []
         for start in range(0, count, size):
             own = np.minimum(np.arange(start, start + size), count - 1)  # the last one is filled up with its last scene
             batch = jax.tree.map(lambda x, own=own: x[own], (scenes, keys))
-            planned = _plan_many(self._program, self._made_for, batch[0], self._graph, batch[1])
+            planned = _plan_apart(devices, self._program, self._made_for, batch[0], self._graph, batch[1])
             parts.append(jax.tree.map(lambda x, start=start: x[: count - start], planned))
         plan, complete = jax.tree.map(lambda *x: jnp.concatenate(x), *parts)
         for index in np.flatnonzero(~np.asarray(complete)).tolist():
@@ -175,6 +177,14 @@ def _plan_many(
     unserved = jnp.full(scenes.mask.shape, int(Reason.UNREACHABLE))
     complete = jnp.all((stops.picked_at >= 0) | ~scenes.mask, axis=-1)
     return jax.vmap(_as_plan, in_axes=(0, 0, None, 0))(scenes, stops, graph, unserved), complete
+
+
+@jax.jit(static_argnames=("devices", "program"))
+def _plan_apart(
+    devices: Devices, program: _Program, made_for: _MadeFor, scenes: Scene, graph: StopGraph, keys: Array
+) -> tuple[Plan, Bool[Array, " B"]]:
+    plan = devices.apart(partial(_plan_many, program), in_axes=(None, 0, None, 0))
+    return plan(made_for, scenes, graph, keys)
 
 
 @jax.jit(static_argnames="program")

@@ -1,9 +1,11 @@
 """The paper's planner: the learned grasp sequence with the learned base poses, in one greedy rollout."""
 
 import jax
+import numpy as np
 from jax import Array
 
 from basenet_jax.config import WorldConfig
+from basenet_jax.devices import ONE_DEVICE, Devices
 from basenet_jax.planners.protocol import PlannerSetup
 from basenet_jax.policies.grasp_sequence import GraspSequencePolicy
 from basenet_jax.policies.pickup import as_plan, choose_learned, rollout
@@ -21,20 +23,30 @@ class BaSeNetPaper:
     """
 
     def __init__(self, setup: PlannerSetup):
-        self._robot, self._world = setup.robot, setup.world
+        self._robot, self._world, self._devices = setup.robot, setup.world, setup.devices
         self._weights = load_policies(setup.weights, setup.robot.name)
 
     def __call__(self, scene: Scene, key: Array) -> Plan:
         """See `Planner`; the key is ignored."""
-        plans = self.plan_batch(jax.tree.map(lambda x: x[None], scene), key)
+        plans = _plan(self._robot, self._weights, jax.tree.map(lambda x: x[None], scene), key, self._world)
         return jax.tree.map(lambda x: x[0], plans)
 
     def plan_batch(self, scenes: Scene, key: Array) -> Plan:
         """See `BatchPlanner`; the key is ignored."""
-        return _plan(self._robot, self._weights, scenes, key, self._world)
+        count = len(scenes.mask)
+        if count % self._devices.count:  # filled up with the last scene
+            rows = np.minimum(np.arange(count + -count % self._devices.count), count - 1)
+            scenes = jax.tree.map(lambda x: x[rows], scenes)
+        plans = _plan(self._robot, self._weights, scenes, key, self._world, self._devices)
+        return jax.tree.map(lambda x: x[:count], plans)
 
 
-@jax.jit(static_argnames="world")
-def _plan(robot: Robot, weights: Weights, scenes: Scene, key: Array, world: WorldConfig) -> Plan:
-    choose = choose_learned(GraspSequencePolicy(), weights.sequence, scenes)
-    return as_plan(rollout(robot, scenes, weights.base_pose, choose, key, world))
+@jax.jit(static_argnames=("world", "devices"))
+def _plan(
+    robot: Robot, weights: Weights, scenes: Scene, key: Array, world: WorldConfig, devices: Devices = ONE_DEVICE
+) -> Plan:
+    def plan(robot: Robot, weights: Weights, scenes: Scene, key: Array) -> Plan:
+        choose = choose_learned(GraspSequencePolicy(), weights.sequence, scenes)
+        return as_plan(rollout(robot, scenes, weights.base_pose, choose, key, world))
+
+    return devices.apart(plan, in_axes=(None, None, 0, None))(robot, weights, scenes, key)

@@ -13,6 +13,7 @@ from jax import Array
 from jaxtyping import Bool, Float, Int
 
 from basenet_jax.config import GridConfig, WorldConfig
+from basenet_jax.devices import ONE_DEVICE, Devices
 from basenet_jax.planners.candidates import grid_poses
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.reading import load_robot
@@ -89,6 +90,7 @@ class PlannerSetup:
     weights: Path | None = None  # of the learned planners; None: those shipped with the package
     samples: int = 256  # rollouts of planners that draw many and take the best
     budget_s: float = 0.0  # anytime planners go on while it lasts; their first plan takes as long as it takes
+    devices: Devices = ONE_DEVICE  # that share the scenes of a batch, by planners that plan many in one program
 
     @cached_property
     def grid_poses(self) -> Float[np.ndarray, "K 3"]:

@@ -150,7 +150,7 @@ def choices_gradient(
     visited: Int[Array, "B M"],
     weight: Float[Array, " B"],
 ) -> tuple[Any, Float[Array, ""], Float[Array, ""]]:
-    """Gradient of the mean over the batch of `weight · -log probability` of the sequences, that mean, and mean entropy.
+    """Gradient of the mean over the batch of `weight · -log probability` of the sequences, that mean, and of entropies.
 
     With weight 1 this is imitation, with the advantage over a baseline REINFORCE (descending raises what the weight is
     positive for). Summed step by step, so that memory holds the activations of one step only. A choice that isn't
@@ -165,7 +165,7 @@ def choices_gradient(
         weight: of the sequences.
 
     Returns:
-        Gradient; loss; entropy in nats per choice.
+        Gradient; loss; the choices' entropy in nats per sequence.
     """
 
     def accumulate(carry: tuple) -> tuple:
@@ -174,15 +174,14 @@ def choices_gradient(
         (value, entropy), own = jax.value_and_grad(_surprise, argnums=1, has_aux=True)(
             policy, params, graph, problem, state, stop, jnp.where(counts, weight, 0.0), counts
         )
-        sums += jnp.stack([value, entropy, jnp.sum(counts, dtype=sums.dtype)])
+        sums += jnp.stack([value, entropy / len(visited)])
         after = visit(graph, problem, state, stop)
         return step + 1, after, counts & (stop != END), jax.tree.map(jnp.add, gradient, own), sums
 
     counts: Bool[Array, " B"] = jnp.any(problem.mask, axis=-1)
-    nothing = (jnp.array(0), start(problem), counts, jax.tree.map(jnp.zeros_like, params), jnp.zeros(3))
+    nothing = (jnp.array(0), start(problem), counts, jax.tree.map(jnp.zeros_like, params), jnp.zeros(2))
     done = jax.lax.while_loop(lambda c: (c[0] < visited.shape[-1]) & jnp.any(c[2]), accumulate, nothing)
-    loss, entropy, choices = done[4]
-    return done[3], loss, entropy / jnp.maximum(choices, 1)
+    return done[3], *done[4]
 
 
 def _surprise(

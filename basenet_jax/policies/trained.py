@@ -48,6 +48,27 @@ def load_policies(path: Path | None = None, robot: str = DEFAULT_ROBOT) -> Weigh
         return weights
 
 
+def load_stops(path: Path | None = None, robot: str = DEFAULT_ROBOT) -> Any:
+    """The parameters of the trained stop policy, which needs no other layer.
+
+    Args:
+        path: of a run's `basenet.weights`, or of its `stops.weights` where only this layer was trained; by default the
+            weights shipped with the package.
+        robot: name of the robot that they have to be trained for.
+
+    Raises:
+        ValueError: see `load_policies`.
+    """
+    if path is None:
+        return load_policies(None, robot).stops
+    try:
+        stops, metadata = load_weights(path, jax.eval_shape(untrained_stops))
+    except ValueError:  # not this layer alone
+        return load_policies(path, robot).stops
+    _check_robot(str(path), metadata, robot)
+    return stops
+
+
 def _check_robot(source: str, metadata: dict[str, Any], robot: str) -> None:
     if metadata.get("robot") != robot:
         raise ValueError(

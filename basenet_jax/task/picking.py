@@ -6,6 +6,7 @@ fail go round again with their next solution, in chunks of undecided picks only,
 """
 
 import enum
+import itertools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -93,10 +94,15 @@ def pick(
         joints=jnp.broadcast_to(home, (robot.dof, len(arm_solutions.heights(config)), len(grasp))),
     )
 
-    def attempt(search: _Search) -> _Search:
-        return _attempt(robot, picks, solutions, table, config, arm_check, search)
+    for chunk, rest in itertools.pairwise((*_chunks(len(grasp), config), 0)):
 
-    search = jax.lax.while_loop(lambda search: ~jnp.all(search.decided), attempt, search)
+        def attempt(search: _Search, chunk: int = chunk) -> _Search:
+            return _attempt(robot, picks, solutions, table, config, arm_check, search, chunk)
+
+        def goes_on(search: _Search, rest: int = rest) -> Array:
+            return jnp.sum(~search.decided) > rest
+
+        search = jax.lax.while_loop(goes_on, attempt, search)
     return Pick(
         feasible=(search.rule == Reason.NONE).reshape(batch),
         reason=search.rule.reshape(batch),
@@ -139,12 +145,22 @@ class _Search(NamedTuple):
     joints: Float[Array, "dof waypoints B"]
 
 
-def _attempt(robot, picks, solutions, table, config: PickConfig, arm_check: ArmCheck, search: _Search) -> _Search:
+def _chunks(count: int, config: PickConfig) -> tuple[int, ...]:
+    """How many undecided picks of a batch are checked in one round, falling; each is taken while more are undecided
+    than the next one holds.
+
+    A round costs as much for the last few undecided picks as for a full chunk, and there are up to as many rounds as
+    solutions. So small batches go in small chunks, and so do the last picks of large ones.
+    """
+    first = min(count, config.chunk, max(config.smallest_chunk, count // 16))
+    return (first, config.smallest_chunk) if first >= 4 * config.smallest_chunk else (first,)
+
+
+def _attempt(
+    robot, picks, solutions, table, config: PickConfig, arm_check: ArmCheck, search: _Search, chunk: int
+) -> _Search:
     """Checks the fastest remaining solution of a chunk of undecided picks."""
     count = search.decided.shape[0]
-    # A round costs as much for the last few undecided picks as for a full chunk, and there are up to as many rounds as
-    # solutions: small batches go in small chunks.
-    chunk = min(count, config.chunk, max(config.smallest_chunk, count // 16))
     (index,) = jnp.nonzero(~search.decided, size=chunk, fill_value=count)  # count: no pick, dropped when written
     part, own_solutions, own = jax.tree.map(lambda x: x.at[..., index].get(mode="clip"), (picks, solutions, search))
     if table.height.ndim:

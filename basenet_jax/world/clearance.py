@@ -25,7 +25,7 @@ from basenet_jax.robot.model import Robot
 from basenet_jax.trigonometry import sin_cos
 from basenet_jax.world.scene import Table
 
-_COLUMNS_AT_ONCE = 64  # of a batch, whose distances are computed in one round
+_COLUMNS_AT_ONCE, _ROUNDS = 64, 32  # distances are computed for 64 columns of a batch at a time, or 1/32 of it
 _ROUNDING = 1e-4  # m: far beyond float32's at some metres
 
 # (start and end of a segment in the box's frame, the box's half size, radius) -> whether something holds for them
@@ -59,7 +59,7 @@ def capsules_touch(robot: Robot, base_pose: Vector, joints: Float[Array, "dof *b
     columns = jax.tree.map(lambda x: jnp.broadcast_to(x, (*jnp.shape(x)[:-1], shape[-1])), (base_pose, joints, size))
     base_pose, joints, size = columns
     near = jnp.any(_walk(robot, base_pose, joints, size, _may_touch), axis=tuple(range(len(shape) - 1)))
-    at_once = min(shape[-1], _COLUMNS_AT_ONCE)
+    at_once = min(shape[-1], max(_COLUMNS_AT_ONCE, shape[-1] // _ROUNDS))
 
     def check(state: tuple[Array, Array]) -> tuple[Array, Array]:
         near, touches = state

@@ -53,7 +53,8 @@ def test_it_is_the_derived_gradient(network, episodes):
         logs = jax.nn.log_softmax(jnp.where(counts[..., None], logits, 0.0))
         chosen = jnp.take_along_axis(logs, steps.choice[..., None], axis=-1)[..., 0]
         entropy = -jnp.sum(jnp.where(jnp.isfinite(logs), jnp.exp(logs) * logs, 0.0), axis=-1)
-        return jnp.mean(jnp.sum(jnp.where(counts, weight * chosen, 0.0), axis=0)), jnp.mean(entropy[counts])
+        terms = jnp.where(counts, weight * chosen, 0.0), jnp.where(counts, entropy, 0.0)
+        return tuple(jnp.mean(jnp.sum(term, axis=0)) for term in terms)
 
     expected, expected_entropy = jax.grad(mean, has_aux=True)(params)
     found, entropy = jax.jit(policy_gradient, static_argnums=0)(network, params, grasps, steps, weight)
