@@ -96,10 +96,12 @@ def _training(devices: Devices, iterations: int, repeats: int) -> list[Row]:
     )
     training = Training(TrainConfig(sac=sac, reinforce=reinforce), devices=devices)
     base_pose = load_policies(None, training.robot.name).base_pose
-    learners = {"SAC": (training.sac, sac.episodes_per_iteration)}
-    learners["REINFORCE"] = (training.reinforce(base_pose), reinforce.episodes_per_update)
+    learners: tuple[tuple[str, Any, int], ...] = (
+        ("SAC", training.sac, sac.episodes_per_iteration),
+        ("REINFORCE", training.reinforce(base_pose), reinforce.episodes_per_update),
+    )
     rows = []
-    for what, (learner, batch) in learners.items():
+    for what, learner, batch in learners:
         state = jax.jit(learner.init)(jax.random.key(0))
         timing, _ = measure_steps(learner.interval, state, repeats=repeats)
         rows.append(speed(what, "episodes/s", batch * iterations, timing, batch=batch))

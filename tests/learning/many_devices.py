@@ -78,7 +78,7 @@ def learner(name: str, devices: Devices) -> dict[str, Any]:
 
 def run(learner: Any, kept: Any, intervals: int = 1) -> dict[str, Any]:
     state = jax.jit(learner.init)(jax.random.key(0))
-    interval = jax.jit(learner.interval, donate_argnums=0)
+    interval, metrics = jax.jit(learner.interval, donate_argnums=0), {}
     for _ in range(intervals):
         state, metrics = interval(state)
     return {

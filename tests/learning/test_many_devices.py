@@ -15,7 +15,7 @@ import pytest
 
 PROGRAM = Path(__file__).with_name("many_devices.py")
 # Sums over a batch are taken in another order.
-ROUNDING = {"rtol": 1e-4, "atol": 1e-5}
+RELATIVE, ABSOLUTE = 1e-4, 1e-5
 LEARNERS = (
     "reinforce",
     pytest.param("sac", marks=pytest.mark.slow),
@@ -78,6 +78,6 @@ def assert_close(found: dict[str, Any], expected: dict[str, Any]) -> None:
     assert found["whole copies"]
     assert found["metrics"].keys() == expected["metrics"].keys()
     for name, value in expected["metrics"].items():
-        np.testing.assert_allclose(found["metrics"][name], value, **ROUNDING, err_msg=name)
+        np.testing.assert_allclose(found["metrics"][name], value, RELATIVE, ABSOLUTE, err_msg=name)
     for leaf, other in zip(found["learned"], expected["learned"], strict=True):
-        np.testing.assert_allclose(leaf, other, **ROUNDING)
+        np.testing.assert_allclose(leaf, other, RELATIVE, ABSOLUTE)
