@@ -108,7 +108,7 @@ def use_devices(count: int | None = None) -> Devices:
         kind = devices[0].platform
         more = f"; XLA_FLAGS=--xla_force_host_platform_device_count={count} makes a CPU {count}"
         hint = more if kind == "cpu" and count > 1 else ""
-        raise ValueError(f"devices: found {count}, allowed are 1 to {len(devices)}, what there is here ({kind}){hint}")
+        raise ValueError(f"devices: found {count}, allowed are 1 to {len(devices)}, all that JAX finds ({kind}){hint}")
     return ONE_DEVICE if count == 1 else Devices(Mesh(np.array(devices[:count]), (_AXIS,)))
 
 
