@@ -75,6 +75,8 @@ def _view(options: Arguments) -> int:
             planner_for(scene, name, options.weights)
     except ValueError as error:
         return _fail(2, str(error))
+    if scene.written_for:
+        print(f"basenet_jax.view: {options.scene} names the robot {scene.written_for}, not this", file=sys.stderr)
     choices = Choices(planners, options.weights, options.robot)
     viewer = Viewer(scene, choices, host=options.host, port=options.port, seed=options.seed)
     print(f"basenet_jax.view: {viewer.url} (Ctrl-C ends it)", flush=True)

@@ -81,7 +81,7 @@ class Bodies:
         for geom in np.flatnonzero(model.geom_bodyid == index):
             color = tuple(round(255 * float(channel)) for channel in model.geom_rgba[geom][:3])
             flat = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_BOX
-            alike.setdefault((color, bool(flat)), []).append(_mesh(model, geom))
+            alike.setdefault((color, bool(flat)), []).append(_mesh(model, int(geom)))
         shapes = []
         for (color, flat), meshes in alike.items():
             mesh = trimesh.util.concatenate(meshes)

@@ -104,6 +104,10 @@ class Controls:
     def _upload_scene(self, event: Event) -> None:
         file: viser.UploadedFile = event.target.value
         self._session.upload_scene(file.name, file.content)
+        scene = self._session.scene
+        if scene.written_for and event.client is not None:
+            text = f"{file.name} names {scene.written_for}; the robot of the command line is used instead"
+            event.client.add_notification("Another robot", text, auto_close_seconds=_NOTICE_S)
 
     def _upload_plan(self, event: Event) -> None:
         file: viser.UploadedFile = event.target.value

@@ -57,7 +57,8 @@ class Page:
                 self._use_robot(scene)
             if not _same_table(scene, self._scene):
                 draw_table(self._server.scene, scene.arrays.table)
-            self._scene, self._executions = scene, [None, None]
+            self._scene = scene
+            self._executions[:] = [None, None]
             self._rest()
             self.select(self.selected)
             self._panel.show_objects(scene.names)
