@@ -21,7 +21,7 @@ from basenet_jax.config import GridConfig, WorldConfig
 from basenet_jax.evaluation.scene_sets import random_set
 from basenet_jax.planners.protocol import PlannerSetup
 from basenet_jax.robot.reading import load_robot
-from benchmarks.harness import Options, Report, parse
+from benchmarks.harness import QUICK_OBJECTS, Options, Report, parse
 from benchmarks.paired import t_interval
 from benchmarks.paper_schemes import make_schemes
 
@@ -46,11 +46,11 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     arguments = sys.argv[1:] if arguments is None else arguments
     options = parse(PaperPlannerOptions, NAME, __doc__, arguments)
     report = Report(NAME, options, arguments)
-    sizes, count = ((3,), 2) if options.quick else (options.objects, options.scenes)
+    sizes, count = ((QUICK_OBJECTS,), 2) if options.quick else (options.objects, options.scenes)
     results = []
     for objects in sizes:
         scenes = random_set(objects, count, seed=SCENE_SEED)
-        for drives, setup in _setups().items():
+        for drives, setup in list(_setups().items())[: 1 if options.quick else None]:
             plans = make_schemes(setup, GridConfig() if options.quick else FINE)
             costs = {name: np.array([plan(scenes.scene(i)) for i in range(count)]) for name, plan in plans.items()}
             results += [_row(name, objects, drives, cost, costs["dp"]) for name, cost in costs.items()]
