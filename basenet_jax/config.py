@@ -49,6 +49,7 @@ class PickConfig:
     lattice_first_iterations: int = 8  # of all seeds, to see which lead somewhere
     lattice_kept: int = 12  # of the seeds, those nearest to their goal
     lattice_iterations: int = 16  # of these, to the pre-grasp
+    lattice_chunk: int = 64  # picks at a time: the Jacobians of all their seeds stay in a CPU core's cache
     lattice_descent_iterations: int = 5  # from there to the grasp, and from each waypoint to the next
     chunk: int = 2048  # picks checked at a time at most; the largest arrays of a chunk fit a CPU core's cache
     smallest_chunk: int = 128  # of small batches

@@ -18,7 +18,7 @@ import basenet_jax as bn
 from basenet_jax.config import ExportConfig
 from basenet_jax.robot.reading import DEFAULT_ROBOT
 from basenet_jax.task.motion import Doing, Motion, plan_motion
-from benchmarks.harness import Options, Report, parse
+from benchmarks.harness import QUICK_OBJECTS, Options, Report, parse
 
 NAME = "exported_moves"
 _POINTS = 41  # of each descent
@@ -41,7 +41,7 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     arguments = sys.argv[1:] if arguments is None else arguments
     options = parse(MoveOptions, NAME, __doc__, arguments)
     report = Report(NAME, options, arguments)
-    scenes, objects = (2, 2) if options.quick else (options.scenes, options.objects)
+    scenes, objects = (2, QUICK_OBJECTS) if options.quick else (options.scenes, options.objects)
     robots = options.robots[:1] if options.quick else options.robots
     rows = [_measure(name, scenes, objects, options.seed) for name in robots]
     return report.finish(rows, table=_table(rows))

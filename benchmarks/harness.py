@@ -23,6 +23,7 @@ from benchmarks import environment
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+QUICK_OBJECTS = 3  # in every script, so that what one of them compiles serves the next
 RESULTS = Path(__file__).resolve().parent / "results"
 _WIDTH = 160  # of tables that go to a file or a pipe
 

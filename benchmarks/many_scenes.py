@@ -13,7 +13,7 @@ import jax
 from basenet_jax.batch import sample_scenes
 from basenet_jax.planners.protocol import PlannerSetup, plan_batch
 from basenet_jax.planners.registry import PLANNERS, make_planner
-from benchmarks.harness import Options, Report, parse, speed_table
+from benchmarks.harness import QUICK_OBJECTS, Options, Report, parse, speed_table
 from benchmarks.scaling_picture import draw_scaling, rate_points
 from benchmarks.timing import measure_plain, speed
 
@@ -43,7 +43,7 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     arguments = sys.argv[1:] if arguments is None else arguments
     options = parse(ManyScenesOptions, NAME, __doc__, arguments)
     report = Report(NAME, options, arguments)
-    objects, batches = (2, (1, 4)) if options.quick else (options.objects, options.batches)
+    objects, batches = (QUICK_OBJECTS, (1, 4)) if options.quick else (options.objects, options.batches)
     planners = ("pbg", "basenet-paper") if options.quick else options.planners
     results: list[Row] = []
     for name in planners:

@@ -17,7 +17,7 @@ from rich.table import Table
 from basenet_jax.evaluation.orders import EVALUATION_SEED, OrderResult, compare_orders
 from basenet_jax.learning.config import TrainConfig
 from basenet_jax.learning.training import Training
-from benchmarks.harness import Options, Report, parse
+from benchmarks.harness import QUICK_OBJECTS, Options, Report, parse
 from benchmarks.paired import CONFIDENCE, paired_difference
 from benchmarks.trained import Trained, load_basenet, untrained_basenet
 
@@ -50,7 +50,7 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
         raise SystemExit("orders: needs --weights PATH, a run's weights/basenet.weights")
     report = Report(NAME, options, arguments)
     trained = _trained(options)
-    numbers, scenes = ((3,), 4) if options.quick else (options.objects, options.scenes)
+    numbers, scenes = ((QUICK_OBJECTS,), 4) if options.quick else (options.objects, options.scenes)
     results, seeds = [], _chunks(scenes, options)
     for objects in numbers:
         results += _compare(trained, objects, seeds, options.seed)

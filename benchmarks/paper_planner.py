@@ -3,44 +3,32 @@
 Beside `basenet-paper` and exact planning stand plans by the same scheme (choose an object, then a base pose for it
 alone) with one part replaced: objects are picked from where the robot stands when they can be; base poses are not
 learned but are those of greatest reward among a fine grid's, in the learned order and in the order of greatest reward;
-drives are the paper's simplest reading, straight through anything. Ratios of N + G to exact planning's on the paper's
-grid, with the same model of drives, over the scenes where both grasp every object.
+drives are the paper's simplest reading, straight through anything; and these at constant speed, so that times are
+weighted lengths and angles. Ratios of N + G to exact planning's on the paper's grid, with the same model of drives,
+over the scenes where both grasp every object.
 """
 
 import dataclasses
 import sys
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jax import Array
 from rich.table import Table
 
 from basenet_jax.config import GridConfig, WorldConfig
 from basenet_jax.evaluation.scene_sets import random_set
-from basenet_jax.learning.config import BasePoseRewardConfig
-from basenet_jax.planners.candidates import Candidates, check_candidates, grid_poses
 from basenet_jax.planners.protocol import PlannerSetup
-from basenet_jax.planners.registry import make_planner
-from basenet_jax.policies.grasp_sequence import GraspSequencePolicy
-from basenet_jax.policies.pickup import Choose, PickupState, choose_learned
-from basenet_jax.policies.trained import Weights, load_policies
-from basenet_jax.robot.model import Robot
-from basenet_jax.task.navigation import navigation_time
-from basenet_jax.task.picking import pick
-from basenet_jax.task.plan import Plan, execute
-from basenet_jax.world.scene import Scene
-from benchmarks.harness import Options, Report, parse
+from basenet_jax.robot.reading import load_robot
+from benchmarks.harness import QUICK_OBJECTS, Options, Report, parse
 from benchmarks.paired import t_interval
+from benchmarks.paper_schemes import make_schemes
 
 NAME = "paper_planner"
 SCENE_SEED = 1
 FINE = GridConfig(step_m=0.05, turns=16)
-
-Order = Literal["learned", "greatest reward"]
+AT_ONCE = 1e6  # times the robot's own accelerations: full speed after a microsecond
 
 
 @dataclass(frozen=True)
@@ -58,113 +46,27 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     arguments = sys.argv[1:] if arguments is None else arguments
     options = parse(PaperPlannerOptions, NAME, __doc__, arguments)
     report = Report(NAME, options, arguments)
-    sizes, count = ((3,), 2) if options.quick else (options.objects, options.scenes)
+    sizes, count = ((QUICK_OBJECTS,), 2) if options.quick else (options.objects, options.scenes)
     results = []
     for objects in sizes:
         scenes = random_set(objects, count, seed=SCENE_SEED)
-        for straight in (False, True):
-            world = WorldConfig()
-            world = dataclasses.replace(world, navigation=dataclasses.replace(world.navigation, straight=straight))
-            plans = _planners(PlannerSetup(world=world), GridConfig() if options.quick else FINE)
+        for drives, setup in list(_setups().items())[: 1 if options.quick else None]:
+            plans = make_schemes(setup, GridConfig() if options.quick else FINE)
             costs = {name: np.array([plan(scenes.scene(i)) for i in range(count)]) for name, plan in plans.items()}
-            drives = "straight" if straight else "round the table"
             results += [_row(name, objects, drives, cost, costs["dp"]) for name, cost in costs.items()]
     return report.finish(results, table=_table(results, count))
 
 
-# A scene to N (s), G (s) and the share grasped of its plan.
-Evaluate = Callable[[Scene], tuple[float, float, float]]
-
-
-def _planners(setup: PlannerSetup, grid: GridConfig) -> dict[str, Evaluate]:
-    """What is compared, by name; exact planning comes first."""
-    robot, world, weights = setup.robot, setup.world, load_policies(setup.weights)
-    poses = jnp.asarray(grid_poses(robot, setup.table, grid, world.pick))
-
-    def judged(scene: Scene, plan: Plan) -> tuple[float, float, float]:
-        outcome = jax.device_get(_execute(robot, scene, plan, world))
-        return float(outcome.navigation), float(outcome.picking), float(outcome.grasped / np.sum(scene.mask))
-
-    def by_name(name: str) -> Evaluate:
-        planner = make_planner(name, setup)
-        return lambda scene: judged(scene, planner(scene, jax.random.key(0)))
-
-    def by_reward(order: Order) -> Evaluate:
-        def plan(scene: Scene) -> Plan:
-            candidates = check_candidates(robot, scene, poses, world)
-            return _plan_by_reward(robot, weights, scene, candidates, world, order)
-
-        return lambda scene: judged(scene, plan(scene))
-
+def _setups() -> dict[str, PlannerSetup]:
+    """How the base drives, by name."""
+    world, robot = WorldConfig(), load_robot()
+    straight = dataclasses.replace(world, navigation=dataclasses.replace(world.navigation, straight=True))
+    at_once = robot.replace(base_acceleration=AT_ONCE * robot.base_acceleration)
     return {
-        "dp": by_name("dp"),
-        "basenet-paper": by_name("basenet-paper"),
-        "basenet-paper, staying where it can": lambda scene: judged(scene, _plan_staying(robot, weights, scene, world)),
-        "base poses of greatest reward, learned order": by_reward("learned"),
-        "base pose and object of greatest reward": by_reward("greatest reward"),
+        "round the table": PlannerSetup(),
+        "straight": PlannerSetup(world=straight),
+        "straight, constant speed": PlannerSetup(robot=jax.device_put(at_once), world=straight),
     }
-
-
-@jax.jit(static_argnames="world")
-def _execute(robot: Robot, scene: Scene, plan: Plan, world: WorldConfig) -> Any:
-    return execute(robot, scene, plan, world)
-
-
-@jax.jit(static_argnames=("world", "order"))
-def _plan_by_reward(
-    robot: Robot, weights: Weights, scene: Scene, candidates: Candidates, world: WorldConfig, order: Order
-) -> Plan:
-    """Parks step by step at the candidate of greatest reward for one object: the base-pose policy's ideal."""
-    reward, learned = BasePoseRewardConfig(), _learned_order(weights, scene)
-    grasping = jnp.where(candidates.serves, reward.grasping / (1.0 + candidates.pick_time), -jnp.inf)
-
-    def choose(pose: Array, remaining: Array) -> tuple[Array, Array]:
-        drive = navigation_time(robot, pose, candidates.base_pose, scene.table, world.navigation)
-        worth = jnp.where(remaining, grasping + (reward.navigation / (1.0 + drive))[:, None], -jnp.inf)
-        slot = learned(pose, remaining) if order == "learned" else jnp.argmax(jnp.max(worth, axis=0))
-        return slot, candidates.base_pose[jnp.argmax(worth[:, slot])]
-
-    return _roll_out(scene, choose)
-
-
-@jax.jit(static_argnames="world")
-def _plan_staying(robot: Robot, weights: Weights, scene: Scene, world: WorldConfig) -> Plan:
-    """The learned policies', but what can be picked from where the robot stands is picked first, without a drive."""
-    learned = _learned_order(weights, scene)
-
-    def choose(pose: Array, remaining: Array) -> tuple[Array, Array]:
-        picks = pick(robot, pose, scene.grasps, scene.table, world.pick)
-        here = picks.feasible & remaining
-        fastest = jnp.argmin(jnp.where(here, picks.time, jnp.inf))
-        slot = jnp.where(jnp.any(here), fastest, learned(pose, remaining))
-        return slot, jnp.where(here[slot], pose, weights.base_pose(scene.grasps[slot], pose))
-
-    return _roll_out(scene, choose)
-
-
-def _learned_order(weights: Weights, scene: Scene) -> Callable[[Array, Array], Array]:
-    """(robot pose, which objects remain) -> the slot that the sequence policy chooses."""
-    choose: Choose = choose_learned(GraspSequencePolicy(), weights.sequence, jax.tree.map(lambda x: x[None], scene))
-
-    def slot(pose: Array, remaining: Array) -> Array:
-        return choose(PickupState(pose[None], remaining[None], jnp.zeros(1, bool)), jax.random.key(0), len(remaining))[
-            0
-        ]
-
-    return slot
-
-
-def _roll_out(scene: Scene, choose: Callable[[Array, Array], tuple[Array, Array]]) -> Plan:
-    """The plan of a rule (robot pose, which objects remain) -> slot of the next object, base pose for it."""
-
-    def step(state: tuple[Array, Array], _: None) -> tuple[tuple[Array, Array], tuple[Array, Array, Array]]:
-        pose, remaining = state
-        slot, goal = choose(pose, remaining)
-        after = remaining & (jnp.arange(len(remaining)) != slot)
-        return (goal, after), (jnp.where(jnp.any(remaining), slot, -1), goal, jnp.any(remaining))
-
-    _, (slots, poses, active) = jax.lax.scan(step, (scene.robot_start, scene.mask), length=len(scene.mask))
-    return Plan(object_index=slots, base_pose=poses, served=active, reason=jnp.zeros_like(slots))
 
 
 def _row(name: str, objects: int, drives: str, cost: np.ndarray, reference: np.ndarray) -> dict[str, Any]:

@@ -16,7 +16,7 @@ import numpy as np
 from rich.table import Table
 
 from basenet_jax import evaluate
-from benchmarks.harness import Options, Report, parse
+from benchmarks.harness import QUICK_OBJECTS, Options, Report, parse
 from benchmarks.paired import paired_difference
 
 NAME = "planners"
@@ -47,7 +47,7 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     options = parse(PlannersOptions, NAME, __doc__, arguments)
     if options.quick:
         options = dataclasses.replace(
-            options, objects=(2,), scenes=2, planners=("pbg", "greedy-stops", "basenet-paper")
+            options, objects=(QUICK_OBJECTS,), scenes=2, planners=("pbg", "greedy-stops", "basenet-paper")
         )
     report = Report(options.name, options, arguments, script=NAME)
     if options.evaluations:

@@ -22,7 +22,7 @@ from basenet_jax.planners.registry import make_planner
 from basenet_jax.planners.timed import plan_timed
 from basenet_jax.task.plan import Plan, execute
 from basenet_jax.world.scene import Scene
-from benchmarks.harness import Options, Report, parse
+from benchmarks.harness import QUICK_OBJECTS, Options, Report, parse
 
 NAME = "replanning"
 KEPT, REFERENCE = "the old plan, kept", "refined"
@@ -57,7 +57,7 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     arguments = sys.argv[1:] if arguments is None else arguments
     options = parse(ReplanningOptions, NAME, __doc__, arguments)
     report = Report(NAME, options, arguments)
-    objects, count = (3, 2) if options.quick else (options.objects, options.scenes)
+    objects, count = (QUICK_OBJECTS, 2) if options.quick else (options.objects, options.scenes)
     planners = ("refined", "basenet") if options.quick else options.planners
     setup = PlannerSetup()
     changes = _changes(setup, objects, count, options.seed)

@@ -27,7 +27,7 @@ from basenet_jax.planners.stop_problem import StopProblem, stop_problem
 from basenet_jax.planners.timed import plan_timed
 from basenet_jax.task.plan import Plan, execute
 from basenet_jax.world.scene import Scene
-from benchmarks.harness import Options, Report, parse
+from benchmarks.harness import QUICK_OBJECTS, Options, Report, parse
 
 NAME = "routing"
 ROUTING = "PyVRP on the grid"
@@ -55,7 +55,9 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     arguments = sys.argv[1:] if arguments is None else arguments
     options = parse(RoutingOptions, NAME, __doc__, arguments)
     report = Report(NAME, options, arguments)
-    sizes, count, seconds = ((3,), 2, 0.2) if options.quick else (options.objects, options.scenes, options.seconds)
+    sizes, count, seconds = (
+        ((QUICK_OBJECTS,), 2, 0.2) if options.quick else (options.objects, options.scenes, options.seconds)
+    )
     setup = PlannerSetup()
     results = []
     for objects in sizes:

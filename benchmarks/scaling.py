@@ -18,7 +18,7 @@ from basenet_jax.planners.protocol import PlannerSetup
 from basenet_jax.planners.registry import PLANNERS, make_planner
 from basenet_jax.planners.timed import plan_timed
 from basenet_jax.world.scene import Scene
-from benchmarks.harness import Options, Report, parse
+from benchmarks.harness import QUICK_OBJECTS, Options, Report, parse
 from benchmarks.scaling_picture import draw_scaling
 
 NAME = "scaling"
@@ -45,7 +45,9 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     options = parse(ScalingOptions, NAME, __doc__, arguments)
     report = Report(NAME, options, arguments)
     if options.quick:
-        options = dataclasses.replace(options, objects=(2, 4), scenes=1, planners=("pbg", "mbp", "basenet-paper"))
+        options = dataclasses.replace(
+            options, objects=(QUICK_OBJECTS,), scenes=2, planners=("pbg", "mbp", "basenet-paper")
+        )
     setup, results = PlannerSetup(), []
     planners = {name: make_planner(name, setup) for name in options.planners}
     for objects in options.objects:
@@ -57,7 +59,8 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
             key = jax.random.key(options.seed)
             timed = [plan_timed(planner, scene, key, repeats=options.repeats) for scene in scenes]
             results.append({"what": name, "objects": objects} | _times([each.planning_time_s for each in timed]))
-        jax.clear_caches()  # compiled programs use up the memory mappings that Linux allows a process
+        if not options.quick:
+            jax.clear_caches()  # compiled programs use up the memory mappings that Linux allows a process
     series = {name: [_point(row) for row in results if row["what"] == name] for name in planners}
     return report.finish(
         results,

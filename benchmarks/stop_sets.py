@@ -24,7 +24,7 @@ from basenet_jax.planners.protocol import Planner, PlannerSetup
 from basenet_jax.planners.refined import Refined
 from basenet_jax.task.plan import Plan, execute
 from basenet_jax.world.scene import Scene
-from benchmarks.harness import Options, Report, parse
+from benchmarks.harness import QUICK_OBJECTS, Options, Report, parse
 
 NAME = "stop_sets"
 REFERENCE = "grid 10 cm, 45 degrees"
@@ -47,7 +47,7 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     arguments = sys.argv[1:] if arguments is None else arguments
     options = parse(StopSetOptions, NAME, __doc__, arguments)
     report = Report(NAME, options, arguments)
-    objects, count = (3, 2) if options.quick else (options.objects, options.scenes)
+    objects, count = (QUICK_OBJECTS, 2) if options.quick else (options.objects, options.scenes)
     setup = PlannerSetup()
     batch = random_scenes(jax.random.key(options.seed), objects, count)
     scenes = [jax.tree.map(lambda x, i=i: x[i], batch) for i in range(count)]

@@ -120,6 +120,18 @@ def _solve_closed_form(robot: Robot, picks: Picks, config: PickConfig) -> Soluti
 
 
 def _solve_from_seeds(robot: Robot, picks: Picks, config: PickConfig, joints: Float[Array, "seeds dof"]) -> Solutions:
+    """In rounds of few picks: every one is as many arms as there are seeds and ways to hold the gripper."""
+    (batch,), size = picks.grasp[0].shape, config.lattice_chunk
+    if batch <= size:
+        return _solve_round(robot, picks, config, joints)
+    rounds = -(-batch // size)
+    index = jnp.minimum(jnp.arange(rounds * size), batch - 1).reshape(rounds, size)
+    parts = jax.tree.map(lambda x: jnp.broadcast_to(x, (batch,))[index], picks)
+    solutions = jax.lax.map(lambda part: _solve_round(robot, part, config, joints), parts)
+    return jax.tree.map(lambda x: jnp.moveaxis(x, 0, -2).reshape(*x.shape[1:-1], -1)[..., :batch], solutions)
+
+
+def _solve_round(robot: Robot, picks: Picks, config: PickConfig, joints: Float[Array, "seeds dof"]) -> Solutions:
     """All seeds take some steps towards the pre-grasp; those that come nearest go on to it, and down to the grasp."""
     (batch,) = picks.grasp[0].shape
     count, kept = len(joints), min(config.lattice_kept, len(joints))

@@ -45,7 +45,7 @@ def draw_surroundings(server: viser.ViserServer, table: Table) -> None:
     )
     draw_table(scene, table)
     camera = server.initial_camera
-    camera.position, camera.look_at, camera.fov = (0.7, -5.2, 5.6), (0.7, -0.1, 0.2), np.radians(42.0)
+    camera.position, camera.look_at, camera.fov = (0.75, -3.7, 6.4), (0.75, -0.05, 0.1), np.radians(42.0)
 
 
 def draw_table(scene: viser.SceneApi, table: Table) -> None:

@@ -1,7 +1,5 @@
 """A plan on the floor: where it drives, where it stops and which way it faces there, and the order."""
 
-from typing import Literal
-
 import numpy as np
 import viser
 from jaxtyping import Float
@@ -28,21 +26,25 @@ class PlanView:
     def __init__(self, scene: viser.SceneApi, root: str, color: Color, layer: int):
         self._scene, self._root, self._color = scene, root, color
         self._height = 0.012 + 0.006 * layer
-        self._anchor: Literal["top-center", "bottom-center"] = "top-center" if layer else "bottom-center"
+        self._label_m = 0.42 + 0.24 * layer  # from the middle of a stop
         self._labels: list[viser.LabelHandle] = []
         self._handles: dict[str, viser.SceneNodeHandle] = {}
 
     def show(self, robot: Robot, planned: Planned | None) -> None:
         """Draws a plan instead of the last one; None: nothing."""
-        stops = {} if planned is None else stops_of(planned.plan, planned.outcome)
+        if planned is None:
+            self._clear()
+            return
+        stops = stops_of(planned.plan, planned.outcome)
         poses = np.array(list(stops)).reshape(-1, 3)
-        self._draw_path(np.zeros((0, 2)) if planned is None else planned.motion.base_pose[:, :2])
+        self._draw_path(planned.motion.base_pose[:, :2])
         self._draw_stops(poses, np.asarray(robot.footprint_half_size))
-        self._write([f"picks {short_list(numbers)}" for numbers in stops.values()], poses)
+        texts = [f"picks {short_list(numbers)}" for numbers in stops.values()]
+        self._write(texts, poses, np.asarray(planned.scene.arrays.table.half_size))
 
     def _draw_path(self, points: Float[np.ndarray, "K 2"]) -> None:
         moved = np.any(np.diff(points, axis=0) != 0, axis=1)
-        legs = np.stack([points[:-1][moved], points[1:][moved]], axis=1) if len(points) else np.zeros((0, 2, 2))
+        legs = np.stack([points[:-1][moved], points[1:][moved]], axis=1)
         self._remove("drives")
         if len(legs):
             self._handles["drives"] = self._scene.add_line_segments(
@@ -76,20 +78,26 @@ class PlanView:
             head_length=0.1,
         )
 
-    def _write(self, texts: list[str], poses: Float[np.ndarray, "S 3"]) -> None:
-        """Labels are kept and moved: their number changes little."""
-        for index, (text, pose) in enumerate(zip(texts, poses, strict=True)):
-            place = (float(pose[0]), float(pose[1]), self._height + 0.05)
+    def _write(self, texts: list[str], poses: Float[np.ndarray, "S 3"], table_half: Float[np.ndarray, "2"]) -> None:
+        """Labels stand outside their stops, seen from the table; they are kept, since their number changes little."""
+        nearest = np.clip(poses[:, :2], -table_half, table_half)
+        away = poses[:, :2] - nearest
+        away = away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-9)
+        for index, (text, place) in enumerate(zip(texts, poses[:, :2] + self._label_m * away, strict=True)):
             if index == len(self._labels):
-                name = f"{self._root}/label{index}"
-                self._labels.append(self._scene.add_label(name, text, position=place, anchor=self._anchor))
+                self._labels.append(self._scene.add_label(f"{self._root}/label{index}", text, anchor="center-center"))
             label = self._labels[index]
-            label.text, label.position, label.visible = text, place, True
+            label.text, label.position, label.visible = text, (float(place[0]), float(place[1]), self._height), True
         for label in self._labels[len(texts) :]:
             label.visible = False
 
     def _raised(self, points: np.ndarray) -> np.ndarray:
         return np.concatenate([points, np.full((*points.shape[:-1], 1), self._height)], axis=-1)
+
+    def _clear(self) -> None:
+        self._remove(*self._handles)
+        for label in self._labels:
+            label.visible = False
 
     def _remove(self, *names: str) -> None:
         for name in names:

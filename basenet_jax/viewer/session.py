@@ -1,10 +1,9 @@
 """What all pages show: the scene, the chosen planners, their plans, and the question asked of the floor."""
 
-import threading
 import time
 import traceback
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, Protocol
@@ -12,11 +11,10 @@ from typing import NamedTuple, Protocol
 from basenet_jax.planners.registry import PLANNERS
 from basenet_jax.viewer import asking, editing, planned, uploads
 from basenet_jax.viewer.asking import Answer
-from basenet_jax.viewer.planned import Awaited, Planned, Refused, Shown
+from basenet_jax.viewer.plan_maker import PlanMaker
+from basenet_jax.viewer.planned import Awaited, Shown
 from basenet_jax.viewer.worker import Worker
 from basenet_jax.world.scene import NamedScene
-
-_PATIENCE_S = 0.4  # after which pages are told what takes so long
 
 
 class Screen(Protocol):
@@ -74,9 +72,9 @@ class Session:
         self._changed_s = 0.0
         self.last = Latency(0.0, 0.0)
         self._asked: tuple[float, float] | None = None
-        self._seen: set[tuple[str, str, int]] = set()  # planners, robots and slots that were compiled for
         self._lock = lock
-        self._worker, self._background = Worker(self._report), Worker(self._report)
+        self._worker = Worker(self._report)
+        self._maker = PlanMaker(choices.weights, self._tell_status, self._report)
 
     @property
     def scene(self) -> NamedScene:
@@ -88,14 +86,9 @@ class Session:
         """The newest plans."""
         return self._plans
 
-    @property
-    def planners(self) -> tuple[str, ...]:
-        """Names of the chosen planners."""
-        return self._planners
-
     def begin(self) -> None:
         """Shows the scene and plans it."""
-        self._set_scene(self._scene, time.perf_counter())
+        self._edit(lambda scene: scene)
 
     def move_object(self, name: str, pose) -> None:
         """Puts an object at (x, y, yaw); see `editing.move_object`."""
@@ -155,25 +148,21 @@ class Session:
 
     def wait_idle(self, timeout_s: float) -> bool:
         """Waits until everything is planned and shown, and compiled ahead; False after the timeout."""
-        return self._worker.wait_idle(timeout_s) and self._background.wait_idle(timeout_s)
+        return self._worker.wait_idle(timeout_s) and self._maker.wait_idle(timeout_s)
 
     def close(self) -> bool:
         """Ends planning; False if a compilation goes on."""
-        return self._worker.close() & self._background.close()
+        return self._worker.close() & self._maker.close()
 
     def _edit(self, change: Callable[[NamedScene], NamedScene]) -> NamedScene:
         begin = time.perf_counter()
         with self._lock:
-            self._set_scene(change(self._scene), begin)
-            return self._scene
-
-    def _set_scene(self, scene: NamedScene, since: float) -> None:
-        with self._lock:
-            self._scene, self._changed_s = scene, since
-            self._screen.show_scene(scene)
+            self._scene, self._changed_s = change(self._scene), begin
+            self._screen.show_scene(self._scene)
             self._worker.submit("plan", self._plan)
             if self._asked is not None:
                 self._worker.submit("ask", self._answer)
+            return self._scene
 
     def _plan(self) -> None:
         """Plans by every chosen planner; the second waits while the scene is still being changed."""
@@ -183,42 +172,9 @@ class Session:
         for index, name in enumerate(names):
             if index and self._worker.is_waiting("plan"):
                 return
-            plans[index] = self._plan_by(name, scene)
+            plans[index] = self._maker.make(name, scene)
             self._tell(lambda: self._publish(tuple(plans)))
         self.last = Latency(since, time.perf_counter())
-
-    def _plan_by(self, name: str, scene: NamedScene) -> Planned | Refused:
-        variant = (name, scene.robot, len(scene.arrays.mask))
-        new = variant not in self._seen
-        try:
-            with self._told(f"compiling {name}, once: this can take a minute" if new else f"{name} is planning"):
-                made = planned.make_plan(scene, name, self._choices.weights)
-                if new:  # again, for what planning takes without compiling
-                    made = planned.make_plan(scene, name, self._choices.weights)
-        except ValueError as error:
-            return Refused(name, str(error))
-        if new:
-            self._seen.add(variant)
-            self._background.submit(name, lambda: self._warm_up(name, scene))
-        return made
-
-    def _warm_up(self, name: str, scene: NamedScene) -> None:
-        """Compiles, beside planning, what a planner needs once an object can't be reached."""
-        with self._told(f"compiling the rest of {name}, once; planning goes on"):
-            planned.warm_up(scene, name, self._choices.weights)
-
-    @contextmanager
-    def _told(self, text: str) -> Iterator[None]:
-        """Says what is being done if it takes long."""
-        timer = threading.Timer(_PATIENCE_S, lambda: self._tell(lambda: self._screen.show_status(text)))
-        timer.daemon = True
-        timer.start()
-        try:
-            yield
-        finally:
-            timer.cancel()
-            timer.join()
-            self._tell(lambda: self._screen.show_status(""))
 
     def _answer(self) -> None:
         place, scene = self._asked, self._scene
@@ -229,7 +185,10 @@ class Session:
     def _report(self, error: Exception) -> None:
         """Of an error that nobody foresaw: the page goes on, the terminal has its trace."""
         traceback.print_exception(error)
-        self._tell(lambda: self._screen.show_status(f"{type(error).__name__}: {error}"))
+        self._tell_status(f"{type(error).__name__}: {error}")
+
+    def _tell_status(self, text: str) -> None:
+        self._tell(lambda: self._screen.show_status(text))
 
     def _publish(self, plans: tuple[Shown, ...]) -> None:
         self._plans = plans

@@ -143,12 +143,12 @@ def package_folder(package: str) -> Path:
         try:
             files = metadata.files(package) or []
         except metadata.PackageNotFoundError:
-            pytest.skip("needs: pip install --no-deps example-robot-data")
+            pytest.skip("needs: make models")
         (model,) = (file for file in files if str(file).endswith("ur_description/urdf/ur5_robot.urdf"))
         return Path(str(model.locate())).parents[2]
     spec = importlib.util.find_spec(package)  # without importing it: that needs much more
     if spec is None or spec.origin is None:
-        pytest.skip(f"needs: pip install --no-deps {package}")
+        pytest.skip("needs: make models")
     return Path(spec.origin).parent
 
 
@@ -196,7 +196,6 @@ FOREIGN = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", FOREIGN)
 def test_models_that_nobody_here_wrote(tmp_path, name):
     package, folder, model, arm_base, tool, joints, home = FOREIGN[name]

@@ -1,0 +1,62 @@
+"""The README's picture of the viewer: its page in a headless browser, in the middle of a plan, drawn into docs/."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import jax
+import tyro
+
+import basenet_jax as bn
+from basenet_jax.compilation import enable_cache
+from benchmarks.browser import ARGUMENTS, find_chromium
+
+PATIENCE_S = 600.0  # with compiling
+SIZE = {"width": 1280, "height": 760}
+
+
+@dataclass(frozen=True)
+class Options:
+    """What is shown and where it goes."""
+
+    out: Path = Path("docs/viewer.png")
+    """The picture."""
+    seed: int = 3
+    """Of the scene."""
+    objects: int = 8
+    """In the scene."""
+    planners: tuple[str, ...] = ("basenet", "dp")
+    """One, or two side by side."""
+    time_s: float = 32.0
+    """Into the plan."""
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Takes the picture."""
+    from playwright.sync_api import sync_playwright
+
+    from basenet_jax.viewer.app import Viewer
+    from basenet_jax.viewer.session import Choices
+
+    options = tyro.cli(Options, args=arguments, prog="python -m benchmarks.viewer_picture", description=__doc__)
+    enable_cache()
+    viewer = Viewer(
+        bn.sample_scene(jax.random.key(options.seed), objects=options.objects), Choices(tuple(options.planners))
+    )
+    viewer.server.initial_camera.position = (0.4, -4.2, 3.0)
+    try:
+        viewer.session.wait_idle(PATIENCE_S)
+        with sync_playwright() as playwright:
+            browser = playwright.chromium.launch(executable_path=find_chromium(), args=list(ARGUMENTS))
+            page = browser.new_page(viewport=SIZE)
+            page.goto(viewer.url)
+            page.get_by_text("N + G").wait_for()
+            viewer.page.go_to(options.time_s)
+            page.wait_for_timeout(5_000)  # till all is drawn, by software
+            page.screenshot(path=options.out)
+            browser.close()
+    finally:
+        viewer.close()
+
+
+if __name__ == "__main__":
+    main()
