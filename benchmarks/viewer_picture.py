@@ -42,7 +42,8 @@ def main(arguments: list[str] | None = None) -> None:
     viewer = Viewer(
         bn.sample_scene(jax.random.key(options.seed), objects=options.objects), Choices(tuple(options.planners))
     )
-    viewer.server.initial_camera.position = (0.4, -4.2, 3.0)
+    viewer.server.initial_camera.position = (0.6, 4.4, 3.4)
+    viewer.server.initial_camera.look_at = (-0.4, 0.5, 0.3)  # the panel covers the right side
     try:
         viewer.session.wait_idle(PATIENCE_S)
         with sync_playwright() as playwright:
@@ -50,6 +51,7 @@ def main(arguments: list[str] | None = None) -> None:
             page = browser.new_page(viewport=SIZE)
             page.goto(viewer.url)
             page.get_by_text("N + G").wait_for()
+            page.locator(".mantine-Notification-closeButton").click()  # it tells of drawing by software
             viewer.page.go_to(options.time_s)
             page.wait_for_timeout(5_000)  # till all is drawn, by software
             page.screenshot(path=options.out)
