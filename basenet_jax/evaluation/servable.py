@@ -1,6 +1,7 @@
 """Which grasps a robot can serve at all: whether some base pose at the table lets it pick them."""
 
 from functools import partial
+from time import perf_counter
 
 import jax
 import jax.numpy as jnp
@@ -36,7 +37,8 @@ class Served:
         pick_time: by grasp, the time of that pick (s).
         farthest: by grasp, the `Reason` reached farthest by a pose that doesn't serve it.
         pairs: how many pairs were tried.
-        evaluations: how many were computed, with those that fill up batches.
+        evaluations: how many were computed, with those that fill up batches, and
+        evaluating_s: how long that took, compiling included where it was needed (s).
     """
 
     def __init__(self, count: int):
@@ -45,6 +47,7 @@ class Served:
         self.pick_time: Float[np.ndarray, " N"] = np.zeros(count, np.float32)
         self.farthest = np.full(count, int(Reason.OUT_OF_REACH))
         self.pairs = self.evaluations = 0
+        self.evaluating_s = 0.0
 
     @property
     def share(self) -> float:
@@ -86,8 +89,10 @@ def serve(
         grasp, pose = np.array(pairs).T
         found.pairs, found.evaluations = found.pairs + len(pairs), found.evaluations + _PAIRS_AT_ONCE
         filled = np.resize(np.arange(len(pairs)), _PAIRS_AT_ONCE)  # one shape, one program
+        begin = perf_counter()
         picked = _pick(robot, base_poses[pose[filled]], grasps[grasp[filled]], table, world)
         reason, time = (np.asarray(x)[: len(pairs)] for x in picked)
+        found.evaluating_s += perf_counter() - begin
         np.maximum.at(found.farthest, grasp, reason)
         good = reason == Reason.NONE
         found.served[grasp[good]], found.base_pose[grasp[good]] = True, base_poses[pose[good]]
