@@ -10,7 +10,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -39,14 +39,15 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     arguments = sys.argv[1:] if arguments is None else arguments
     options = parse(ColdStartOptions, NAME, __doc__, arguments)
     report = Report(NAME, options, arguments)
-    planners = ("basenet-paper",) if options.quick else options.planners
+    if options.quick:
+        options = replace(options, planners=("basenet-paper",), repeats=1)
     with tempfile.TemporaryDirectory() as folder:
         scenes = str(Path(folder) / "scenes")
         given = ["--objects", str(options.objects), "--count", "1", "--seed", str(options.seed), "--out", scenes]
         _seconds("generate", given, folder)
         (scene,) = map(str, Path(scenes).iterdir())
         results = []
-        for planner in planners:
+        for planner in options.planners:
             call = ["plan", [scene, "--planner", planner], str(Path(folder) / planner)]
             first, *later = (_seconds(*call) for _ in range(1 + options.repeats))
             results.append({"what": f"plan --planner {planner}", "first_s": first} | _spread(later))

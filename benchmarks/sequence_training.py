@@ -94,18 +94,18 @@ def _quick(config: ReinforceConfig) -> ReinforceConfig:
     )
 
 
-def _learners(training: Training, base_pose: BasePosePolicy) -> dict[str, Reinforce]:
-    """By how many objects a scene has."""
+def _learners(training: Training, base_pose: BasePosePolicy, options: TrainingOptions) -> dict[str, Reinforce]:
+    """By how many objects a scene has; with --quick as in training alone."""
     config, robot, world = training.config.reinforce, training.robot, training.config.world
-    return {
-        f"1 to {config.objects}": Reinforce(robot, base_pose, config, world),
-        str(config.objects): AllObjects(robot, base_pose, config, world),
-    }
+    learners = {f"1 to {config.objects}": Reinforce(robot, base_pose, config, world)}
+    if not options.quick:
+        learners[str(config.objects)] = AllObjects(robot, base_pose, config, world)
+    return learners
 
 
 def _reinforce(training: Training, base_pose: BasePosePolicy, key: Array, options: TrainingOptions) -> list[Any]:
     config, rows = training.config.reinforce, []
-    for objects, learner in _learners(training, base_pose).items():
+    for objects, learner in _learners(training, base_pose, options).items():
         state = jax.jit(learner.init)(key)
         driven_to = _driven_to(learner, state, key)
         parts: dict[str, tuple[Callable[[ReinforceState], Any], int]] = {
@@ -140,7 +140,7 @@ def _eager(training: Training, base_pose: BasePosePolicy, key: Array, options: T
 
     torch.manual_seed(options.seed)
     config, rows = training.config.reinforce, []
-    for objects, learner in _learners(training, base_pose).items():
+    for objects, learner in _learners(training, base_pose, options).items():
         params = jax.device_get(jax.jit(learner.init)(key).params)
         eager = EagerReinforce(training.robot, base_pose, params, config, training.config.world)
         scenes = as_tensors(_draw(learner, key))

@@ -11,7 +11,6 @@ from basenet_jax.compilation import enable_cache
 from benchmarks.browser import ARGUMENTS, find_chromium
 
 PATIENCE_S = 600.0  # with compiling
-SIZE = {"width": 1280, "height": 760}
 
 
 @dataclass(frozen=True)
@@ -48,7 +47,7 @@ def main(arguments: list[str] | None = None) -> None:
         viewer.session.wait_idle(PATIENCE_S)
         with sync_playwright() as playwright:
             browser = playwright.chromium.launch(executable_path=find_chromium(), args=list(ARGUMENTS))
-            page = browser.new_page(viewport=SIZE)
+            page = browser.new_page(viewport={"width": 1280, "height": 760})
             page.goto(viewer.url)
             page.get_by_text("N + G").wait_for()
             page.locator(".mantine-Notification-closeButton").click()  # it tells of drawing by software

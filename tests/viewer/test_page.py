@@ -22,7 +22,7 @@ pytestmark = pytest.mark.browser
 PLANNER = "greedy-stops"  # compiles sooner than others
 # Chromium objects to how viser's own client keeps the page from scrolling while something is dragged.
 NOT_OURS = "Unable to preventDefault inside passive event listener invocation."
-SIZE = {"width": 1280, "height": 640}  # so wide that the panel hides nothing that is dragged
+WIDTH, HEIGHT = 1280, 640  # pixels; so wide that the panel hides nothing that is dragged
 PATIENCE_S = 120.0  # with compiling, on a busy machine
 
 
@@ -67,7 +67,7 @@ def errors():
 
 def open_tab(browser, viewer, errors):
     """Another tab of the browser with the viewer in it."""
-    tab, others = browser.new_page(viewport=SIZE), len(viewer.server.get_clients())
+    tab, others = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT}), len(viewer.server.get_clients())
     tab.on("console", lambda message: message.type == "error" and errors.append(message.text))
     tab.on("pageerror", lambda error: errors.append(str(error)))
     tab.on("requestfailed", lambda request: errors.append(request.url))
