@@ -38,6 +38,7 @@ class SacConfig:
     target_entropy: float = -4.0  # nats, of the four action components
     final_target_entropy: float = -8.0  # reached at the last iteration, in a straight line
     initial_alpha: float = 0.1
+    guessed_iterations: int = 0  # the first ones, whose episodes park where the arm might reach: see BasePoseEnv.guess
     episodes_per_iteration: int = 512
     updates_per_iteration: int = 8
     batch_size: int = 512
@@ -153,7 +154,7 @@ def make_preset(
     """
     stops = StopLearningConfig(objects=objects)
     if preset == "quick":
-        sac = SacConfig(intervals=12)
+        sac = SacConfig(intervals=12, guessed_iterations=25)
         reinforce = ReinforceConfig(objects=objects, intervals=3, updates_per_interval=25)
         stops = dataclasses.replace(stops, library_objects=512, examples=1_024, imitation_intervals=5, intervals=5)
     elif preset == "default":

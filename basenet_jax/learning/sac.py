@@ -155,11 +155,7 @@ class Sac:
     def _iterate(self, state: SacState, _: None) -> tuple[SacState, Metrics]:
         reset_key, action_key, update_key, key = jax.random.split(state.key, 4)
 
-        def act(start: State) -> Array:
-            logits = self.networks.policy_network.apply(state.normalizer, state.actor, start.obs)
-            return self.networks.parametric_action_distribution.sample(logits, action_key)
-
-        memory, measured = self._play(reset_key, act)
+        memory, measured = self._play(reset_key, lambda start: self._act(state, start, action_key))
         state = dataclasses.replace(
             state,
             key=key,
@@ -207,6 +203,17 @@ class Sac:
         )
         metrics = {"critic_loss": critic_loss, "actor_loss": actor_loss, "alpha_loss": alpha_loss, "alpha": alpha}
         return state, metrics
+
+    def _act(self, state: SacState, start: State, key: Array) -> Array:
+        """Actions drawn from the policy; in the first iterations, if so configured, sensible ones at random."""
+        if self.config.guessed_iterations:
+            key, guess_key = jax.random.split(key)
+        logits = self.networks.policy_network.apply(state.normalizer, state.actor, start.obs)
+        action = self.networks.parametric_action_distribution.sample(logits, key)
+        if self.config.guessed_iterations:
+            guessed = state.iteration < self.config.guessed_iterations
+            action = jnp.where(guessed, self.env.guess(start, guess_key), action)
+        return action
 
     def _play(self, key: Array, act: Callable[[State], Array]) -> tuple[Memory, Metrics]:
         """A batch of fresh episodes with the actions that `act` gives for their first states."""

@@ -7,7 +7,8 @@ import pytest
 
 from basenet_jax.learning.base_pose_env import BasePoseEnv
 from basenet_jax.learning.config import BasePoseRewardConfig
-from basenet_jax.policies.base_pose import ACTION_SIZE, OBSERVATION_SIZE
+from basenet_jax.planners.candidates import within_reach
+from basenet_jax.policies.base_pose import ACTION_SIZE, OBSERVATION_SIZE, base_pose_from_action
 from basenet_jax.world.clearance import base_collides
 
 
@@ -69,6 +70,19 @@ def test_rewards_weights_are_settings(robot, episodes):
     env = BasePoseEnv(robot, reward=BasePoseRewardConfig(collision=-7.0, success=0.0, navigation=0.0, grasping=0.0))
     reward = jax.jit(env.step)(start, action).reward
     np.testing.assert_allclose(reward, -7.0 * end.metrics["collision"], atol=1e-6)
+
+
+def test_guesses_make_sense_and_succeed_far_more_often(env, episodes):
+    start, action, end = episodes
+    guess = jax.jit(env.guess)(start, jax.random.key(2))
+    assert guess.shape == action.shape
+    assert float(jnp.max(jnp.abs(guess))) <= 1.0
+    base_pose = base_pose_from_action(guess, start.info["grasp"], env.frame)
+    clear = ~base_collides(env.robot, base_pose, env.table, env.world.pick.base_clearance_m)
+    assert float(jnp.mean(clear & within_reach(env.robot, base_pose, start.info["grasp"]))) > 0.98
+    succeeded = float(jnp.mean(jax.jit(env.step)(start, guess).metrics["success"]))
+    assert succeeded > 2.0 * float(jnp.mean(end.metrics["success"]))
+    np.testing.assert_array_equal(guess, jax.jit(env.guess)(start, jax.random.key(2)))
 
 
 def test_an_unknown_backend_is_refused_by_name(robot):

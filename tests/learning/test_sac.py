@@ -67,6 +67,17 @@ def test_the_critics_learn_from_nonzero_errors(trained):
     assert history[-1]["critic_loss"] < history[0]["critic_loss"]
 
 
+def test_the_first_iterations_guess_if_so_configured(robot, trained):
+    state, _ = trained
+    sac = Sac(Bandit(robot), dataclasses.replace(SMALL, guessed_iterations=2))
+    start = jax.vmap(sac.env.reset)(jax.random.split(jax.random.key(1), 64))
+    act = jax.jit(sac._act)
+    first, second, third = (act(state.replace(iteration=jnp.array(i)), start, jax.random.key(2)) for i in range(3))
+    miss = [float(jnp.mean(sac.env.step(start, action).metrics["navigation_time"])) for action in (first, third)]
+    np.testing.assert_array_equal(first, second)
+    assert miss[0] > 0.3 > miss[1], "random ones miss by much, the trained policy's don't"
+
+
 def test_every_episode_has_a_fresh_scene(trained):
     state, _ = trained
     count = int(state.replay.insert_position)
