@@ -154,7 +154,7 @@ def make_preset(
     """
     stops = StopLearningConfig(objects=objects)
     if preset == "quick":
-        sac = SacConfig(intervals=12, guessed_iterations=25)
+        sac = SacConfig(intervals=12, guessed_iterations=25, learning_rate=1e-3)
         reinforce = ReinforceConfig(objects=objects, intervals=3, updates_per_interval=25)
         stops = dataclasses.replace(stops, library_objects=512, examples=1_024, imitation_intervals=5, intervals=5)
     elif preset == "default":
