@@ -46,11 +46,10 @@ class AblationConfig:
 
 
 def make_ablation(preset: Preset, *, objects: int, seed: int, seeds: int, base_pose_weights: str) -> AblationConfig:
-    """The configuration of a preset; see `make_preset`."""
-    config = make_preset(preset, objects=objects, seed=seed)
-    return AblationConfig(
-        preset, seed, seeds, config.robot, config.world, config.sac, config.reinforce, base_pose_weights
-    )
+    """The configuration of a preset, see `make_preset`, but base poses are learned at the paper's rate, from chance."""
+    config, papers = make_preset(preset, objects=objects, seed=seed), SacConfig()
+    sac = dataclasses.replace(config.sac, learning_rate=papers.learning_rate, guessed_iterations=0)
+    return AblationConfig(preset, seed, seeds, config.robot, config.world, sac, config.reinforce, base_pose_weights)
 
 
 class Ablation:
