@@ -53,6 +53,7 @@ class Refined:
         """
         self._setup = setup
         self._refinement = refinement
+        self._compiled: set[int] = set()  # numbers of slots for which all that a budget is spent on was compiled
         self._aligned = jax.device_put(aligned_poses(setup.robot, setup.table, aligned, setup.world.pick))
 
     def __call__(self, scene: Scene, key: Array) -> Plan:
@@ -60,6 +61,9 @@ class Refined:
         begin, took = time.perf_counter(), 0.0
         plans = self.improving_plans(scene, key)
         plan = next(plans)
+        if self._setup.budget_s and len(scene.mask) not in self._compiled:
+            plan = next(plans)  # compiles what further rounds need, which by itself may take longer than the budget
+            self._compiled.add(len(scene.mask))
         # Another round is begun if it ends in time, should it take as long as the last one.
         while (start := time.perf_counter()) + took < begin + self._setup.budget_s:
             plan = next(plans)

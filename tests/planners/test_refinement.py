@@ -102,6 +102,26 @@ def test_the_same_key_gives_the_same_plan(planner, four_objects):
     jax.tree.map(np.testing.assert_array_equal, first, second)
 
 
+@pytest.mark.parametrize(("budget_s", "rounds"), [(0.0, [1, 1, 1]), (1e-9, [2, 1, 2])])
+def test_what_a_budget_is_spent_on_is_compiled_by_the_first_call(robot, four_objects, monkeypatch, budget_s, rounds):
+    taken = []
+
+    def improving_plans(self, scene, key):
+        del self, scene, key
+        taken.append(0)
+        while True:
+            taken[-1] += 1
+            yield None
+
+    monkeypatch.setattr(Refined, "improving_plans", improving_plans)
+    planner = Refined(PlannerSetup(robot=robot, budget_s=budget_s))
+    three = jax.tree.map(lambda x: x[:3] if x.ndim and len(x) == 4 else x, four_objects)
+    assert (len(three.mask), len(four_objects.mask)) == (3, 4)
+    for scene in (four_objects, four_objects, three):
+        planner(scene, jax.random.key(0))
+    assert taken == rounds
+
+
 def test_what_only_the_grid_can_serve_is_served(robot, four_objects, monkeypatch):
     setup = PlannerSetup(robot=jax.device_put(robot))
     planner = Refined(setup, refinement=SMALL)
