@@ -61,7 +61,7 @@ def _setups() -> dict[str, PlannerSetup]:
     """How the base drives, by name."""
     world, robot = WorldConfig(), load_robot()
     straight = dataclasses.replace(world, navigation=dataclasses.replace(world.navigation, straight=True))
-    at_once = robot.replace(base_acceleration=AT_ONCE * robot.base_acceleration)
+    at_once = dataclasses.replace(robot, base_acceleration=AT_ONCE * robot.base_acceleration)
     return {
         "round the table": PlannerSetup(),
         "straight": PlannerSetup(world=straight),

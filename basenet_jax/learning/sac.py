@@ -206,14 +206,13 @@ class Sac:
 
     def _act(self, state: SacState, start: State, key: Array) -> Array:
         """Actions drawn from the policy; in the first iterations, if so configured, sensible ones at random."""
-        if self.config.guessed_iterations:
-            key, guess_key = jax.random.split(key)
+        policy_key, guess_key = jax.random.split(key) if self.config.guessed_iterations else (key, None)
         logits = self.networks.policy_network.apply(state.normalizer, state.actor, start.obs)
-        action = self.networks.parametric_action_distribution.sample(logits, key)
-        if self.config.guessed_iterations:
-            guessed = state.iteration < self.config.guessed_iterations
-            action = jnp.where(guessed, self.env.guess(start, guess_key), action)
-        return action
+        action = self.networks.parametric_action_distribution.sample(logits, policy_key)
+        if guess_key is None:
+            return action
+        guessed = state.iteration < self.config.guessed_iterations
+        return jnp.where(guessed, self.env.guess(start, guess_key), action)
 
     def _play(self, key: Array, act: Callable[[State], Array]) -> tuple[Memory, Metrics]:
         """A batch of fresh episodes with the actions that `act` gives for their first states."""
