@@ -59,13 +59,14 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
         ((QUICK_OBJECTS,), 2, 0.2) if options.quick else (options.objects, options.scenes, options.seconds)
     )
     setup = PlannerSetup()
+    planners = ("greedy-stops", "basenet") if options.quick else options.planners
     results = []
     for objects in sizes:
         batch = random_scenes(jax.random.key(options.seed), objects, count)
         scenes = [jax.tree.map(lambda x, i=i: x[i], batch) for i in range(count)]
         routed = [_judged(setup, scene, plan_by_routing(setup, scene, seconds, options.seed)) for scene in scenes]
         results.append(_row(ROUTING, objects, np.array(routed), np.array(routed), [seconds] * count))
-        for name in options.planners:
+        for name in planners:
             costs, times = _ours(setup, make_planner(name, setup), scenes, options.repeats)
             results.append(_row(name, objects, costs, np.array(routed), times))
     facts = {"pyvrp": metadata.version("pyvrp"), "scenes": count, "seconds": seconds}
