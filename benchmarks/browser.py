@@ -1,6 +1,8 @@
 """A headless Chromium in front of a running viewer: pages, and the mouse where points of the scene are seen."""
 
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,9 +12,18 @@ if TYPE_CHECKING:
     import viser
     from playwright.sync_api import Page
 
+    from basenet_jax.viewer.app import Viewer
+
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
-# WebGL by software, as there is no screen.
-ARGUMENTS = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+# There is no screen: WebGL is drawn by software, Mesa's where there is one (twice as fast as the browser's own).
+ARGUMENTS = (
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=gl-egl",
+    "--ignore-gpu-blocklist",
+    "--enable-unsafe-swiftshader",
+)
+DRAWN_MS = 3_000  # after which that has drawn all
 
 
 def find_chromium() -> str:
@@ -25,6 +36,26 @@ def find_chromium() -> str:
     if found is None:
         raise RuntimeError(f"no browser found, needed is one of {', '.join(NAMES)} (Debian: apt-get install chromium)")
     return found
+
+
+@contextmanager
+def page_of(viewer: "Viewer", width: int, height: int) -> Iterator["Page"]:
+    """A page of this size (pixels) with a running viewer in it, once its first pictures are drawn.
+
+    Raises:
+        RuntimeError: there is no browser.
+    """
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=find_chromium(), args=list(ARGUMENTS))
+        page = browser.new_page(viewport={"width": width, "height": height})
+        page.goto(viewer.url)
+        page.get_by_text("N + G").wait_for()
+        page.locator(".mantine-Notification-closeButton").click()  # it tells of drawing by software
+        page.wait_for_timeout(DRAWN_MS)
+        yield page
+        browser.close()
 
 
 def where_seen(camera: "viser.CameraHandle", point: ArrayLike, page: "Page") -> tuple[float, float]:
@@ -41,9 +72,13 @@ def where_seen(camera: "viser.CameraHandle", point: ArrayLike, page: "Page") -> 
     return float(0.5 * width + scale * (offset @ right)), float(0.5 * height - scale * (offset @ up))
 
 
-def drag(page: "Page", start: tuple[float, float], end: tuple[float, float]) -> None:
-    """Drags with the left button from pixel to pixel, as a hand would: in a few moves."""
+def drag(
+    page: "Page", start: tuple[float, float], end: tuple[float, float], *, moves: int = 4, move_ms: float = 0.0
+) -> None:
+    """Drags with the left button from pixel to pixel, as a hand would: in a few moves, each of which takes a while."""
     page.mouse.move(*start)
     page.mouse.down()
-    page.mouse.move(*end, steps=4)
+    for share in np.linspace(0.0, 1.0, moves + 1)[1:]:
+        page.wait_for_timeout(move_ms)
+        page.mouse.move(*(np.asarray(start) + share * np.subtract(end, start)))
     page.mouse.up()

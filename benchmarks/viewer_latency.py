@@ -1,15 +1,18 @@
-"""How soon the viewer's page has the new plan when an object is dropped, and what the server costs.
+"""How soon the viewer's page shows the new plan when an object is dropped, and what the server costs.
 
-A headless browser drags objects with the mouse. A drop's latency is the time from when the server knew of it to when
-the message with the new plan was sent to the page. CPU is the server's process alone, as a share of one core: idle,
-and while the plan is played at its usual speed, one page being open. The browser draws by software on the same cores.
+A headless browser drags objects with the mouse. A drop's latency is the time from when the mouse lets go, right after
+its last move, to when the page has drawn the new plan, by the page's own clock. Apart stands the server's share of it:
+from when it knew of the last move to when it had sent the plan. CPU is the server's process alone, as a share of one
+core: idle, and while the plan is played at its usual speed, one page being open. The browser draws by software on the
+same cores.
 """
 
 import contextlib
 import itertools
 import sys
 import time
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import jax
@@ -21,12 +24,35 @@ from basenet_jax.compilation import enable_cache
 from basenet_jax.viewer.editing import PlacementError, move_object
 from basenet_jax.viewer.pointing import Target, hit
 from basenet_jax.world.scene import NamedScene
-from benchmarks.browser import ARGUMENTS, drag, find_chromium, where_seen
+from benchmarks.browser import drag, page_of, where_seen
 from benchmarks.harness import Options, Report, parse
 
 NAME = "viewer_latency"
 _STEP_M = 0.06  # by which objects are dragged, there and back
 _PATIENCE_S = 600.0  # with compiling
+_SETTLED_MS = 1_000  # after which all that a drop brings is drawn
+_MOVES, _MOVE_MS = 6, 80.0  # of a drag
+# When the mouse let go, and when the first frame after the newest figures was drawn (both ms). Reading a pixel waits
+# until all of a frame is.
+_WATCH_DRAWING = """() => {
+  window.dropped = window.drawn = 0;
+  addEventListener("pointerup", (event) => { dropped = event.timeStamp; }, true);
+  const context = document.querySelector("canvas").getContext("webgl2");
+  const wait = () => {
+    context.readPixels(0, 0, 1, 1, context.RGBA, context.UNSIGNED_BYTE, new Uint8Array(4));
+    drawn = performance.now();
+  };
+  const isPlan = (node) => node.textContent.includes("N + G");
+  new MutationObserver((changes) => {
+    if (changes.some((change) => [...change.addedNodes].some(isPlan)))
+      requestAnimationFrame(() => setTimeout(wait));
+  }).observe(document.body, {childList: true, subtree: true});
+}"""
+
+_RENDERER = """() => {
+  const context = document.querySelector("canvas").getContext("webgl2");
+  return context.getParameter(context.getExtension("WEBGL_debug_renderer_info").UNMASKED_RENDERER_WEBGL);
+}"""
 
 
 @dataclass(frozen=True)
@@ -43,10 +69,14 @@ class ViewerOptions(Options):
     """How long the CPU is watched, idle and playing (s)."""
 
 
+@dataclass(frozen=True)
+class _Drop:
+    drawn_s: float
+    sent_s: float
+
+
 def main(arguments: list[str] | None = None) -> dict[str, Any]:
     """Measures, prints a table and writes the results."""
-    from playwright.sync_api import sync_playwright
-
     from basenet_jax.viewer.app import Viewer
     from basenet_jax.viewer.session import Choices
 
@@ -58,27 +88,27 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     sends = _watch_sends()
     try:
         viewer.session.wait_idle(_PATIENCE_S)
-        with sync_playwright() as playwright:
-            browser = playwright.chromium.launch(executable_path=find_chromium(), args=list(ARGUMENTS))
-            page = browser.new_page(viewport={"width": 900, "height": 600})
-            page.goto(viewer.url)
-            page.get_by_text("N + G").wait_for()
-            page.wait_for_timeout(3_000)  # till the first pictures are drawn
-            latencies = _drop(viewer, page, sends, options)
+        with page_of(viewer, 900, 600) as page:
+            page.evaluate(_WATCH_DRAWING)
+            drawn_by = page.evaluate(_RENDERER)
+            drops = list(itertools.islice(_drops(viewer, page, sends), options.repeats))
             watch_s = 1.0 if options.quick else options.watch_s
             idle = _cpu_share(watch_s)
             viewer.page.timeline.play()
             playing = _cpu_share(watch_s)
-            browser.close()
     finally:
         viewer.close()
-    drops = {"what": f"drop to plan, {options.objects} objects, {options.planner}", "unit": "ms", **_spread(latencies)}
+    what = f"{options.objects} objects, {options.planner}"
+    latencies = [
+        {"what": f"drop to plan {stage}, {what}", "unit": "ms", **_spread([getattr(drop, leaf) for drop in drops])}
+        for stage, leaf in (("drawn", "drawn_s"), ("sent", "sent_s"))
+    ]
     shares = [
         {"what": f"CPU of the server, {what}", "unit": "% of a core", "median": 100.0 * share}
         for what, share in (("idle", idle), ("playing", playing))
     ]
-    results = [drops, *shares]
-    return report.finish(results, table=_table(results), drops_s=latencies)
+    results = [*latencies, *shares]
+    return report.finish(results, table=_table(results), drops=[asdict(drop) for drop in drops], drawn_by=drawn_by)
 
 
 def _watch_sends() -> list[float]:
@@ -95,23 +125,29 @@ def _watch_sends() -> list[float]:
     return times
 
 
-def _drop(viewer, page, sends: list[float], options: ViewerOptions) -> list[float]:
-    """Latencies (s) of drops of one object after the other, each dragged along the table and later back."""
-    session, latencies = viewer.session, []
+def _drops(viewer, page, sends: list[float]) -> Iterator[_Drop]:
+    """Drops of one object after the other, each dragged along the table and later back.
+
+    Left out are those whose plan was drawn before the mouse let go, or has the figures of the plan before.
+    """
+    session = viewer.session
     (client,) = viewer.server.get_clients().values()
-    for number in range(options.repeats):
+    for number in itertools.count():
         viewer.page.select(None)  # its gizmo may stand before the next object
         page.wait_for_timeout(100)
         start, end = _free_drag(session.scene, client.camera, number)
         before = session.last
-        drag(page, where_seen(client.camera, start, page), where_seen(client.camera, end, page))
+        ends = (where_seen(client.camera, point, page) for point in (start, end))
+        drag(page, *ends, moves=_MOVES, move_ms=_MOVE_MS)
         _wait(lambda before=before: session.last != before)
-        page.wait_for_timeout(200)  # for what comes with letting go of the mouse, and for the sending
+        page.wait_for_timeout(_SETTLED_MS)  # for what comes with letting go of the mouse, for sending and drawing
         session.wait_idle(_PATIENCE_S)
         asked, shown = session.last
         # With nothing sent since, the plan had gone out before its thread looked at the clock.
-        latencies.append(min((each for each in sends if each > shown), default=shown) - asked)
-    return latencies
+        sent = min((each for each in sends if each > shown), default=shown)
+        drawn_ms = page.evaluate("drawn - dropped")
+        if drawn_ms > 0.0:
+            yield _Drop(drawn_s=1e-3 * drawn_ms, sent_s=sent - asked)
 
 
 def _free_drag(scene: NamedScene, camera, number: int) -> tuple[np.ndarray, np.ndarray]:

@@ -8,7 +8,7 @@ import tyro
 
 import basenet_jax as bn
 from basenet_jax.compilation import enable_cache
-from benchmarks.browser import ARGUMENTS, find_chromium
+from benchmarks.browser import DRAWN_MS, page_of
 
 PATIENCE_S = 600.0  # with compiling
 
@@ -31,8 +31,6 @@ class Options:
 
 def main(arguments: list[str] | None = None) -> None:
     """Takes the picture."""
-    from playwright.sync_api import sync_playwright
-
     from basenet_jax.viewer.app import Viewer
     from basenet_jax.viewer.session import Choices
 
@@ -45,16 +43,10 @@ def main(arguments: list[str] | None = None) -> None:
     viewer.server.initial_camera.look_at = (-0.4, 0.5, 0.3)  # the panel covers the right side
     try:
         viewer.session.wait_idle(PATIENCE_S)
-        with sync_playwright() as playwright:
-            browser = playwright.chromium.launch(executable_path=find_chromium(), args=list(ARGUMENTS))
-            page = browser.new_page(viewport={"width": 1280, "height": 760})
-            page.goto(viewer.url)
-            page.get_by_text("N + G").wait_for()
-            page.locator(".mantine-Notification-closeButton").click()  # it tells of drawing by software
+        with page_of(viewer, 1280, 760) as page:
             viewer.page.go_to(options.time_s)
-            page.wait_for_timeout(5_000)  # till all is drawn, by software
+            page.wait_for_timeout(DRAWN_MS)
             page.screenshot(path=options.out)
-            browser.close()
     finally:
         viewer.close()
 

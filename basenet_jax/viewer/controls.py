@@ -47,6 +47,7 @@ class Controls:
         panel.upload_plan.on_upload(self._when(self._upload_plan))
         panel.download_scene.on_click(self._when(self._download_scene))
         panel.download_plan.on_click(self._when(self._download_plan))
+        panel.shadows.on_update(self._when(lambda _: page.surroundings.cast_shadows(panel.shadows.value)))
 
     def _when(self, act: Callable[[Event], object]) -> Callable[[Event], None]:
         """Acts on what somebody did, and tells that person if it can't be done."""

@@ -40,7 +40,7 @@ class Execution:
         self._scene, self._motion = planned.scene.arrays, planned.motion
         feasible = np.flatnonzero(planned.outcome.feasible)
         self._picked = [int(planned.plan.object_index[step]) for step in feasible]
-        self._grips = {slot: self._grip(slot) for slot in self._picked}
+        self._grips: dict[int, np.ndarray] = {}  # once they are asked for
         self._cells = _deck_cells(robot, self._scene, self._picked)
 
     @property
@@ -59,7 +59,7 @@ class Execution:
         stowed, poses = self._picked[:done], {}
         for slot, name in enumerate(self._planned.scene.names):
             if slot == held:
-                frame = self._bodies.tool(base_pose, joints) @ self._grips[slot]
+                frame = self._bodies.tool(base_pose, joints) @ self._grip(slot)
             elif slot in stowed:
                 frame = frame_at(base_pose) @ self._cells[slot]
             else:
@@ -69,8 +69,11 @@ class Execution:
 
     def _grip(self, slot: int) -> Float[np.ndarray, "4 4"]:
         """An object in the tool's frame, once it is grasped."""
-        base_pose, joints, _, _ = self._motion.at(float(self._motion.time[np.argmax(self._motion.held == slot)]))
-        return np.linalg.inv(self._bodies.tool(base_pose, joints)) @ on_table(self._scene, slot)
+        if slot not in self._grips:
+            base_pose, joints, _, _ = self._motion.at(float(self._motion.time[np.argmax(self._motion.held == slot)]))
+            tool = self._bodies.tool(base_pose, joints)
+            self._grips[slot] = np.linalg.inv(tool) @ on_table(self._scene, slot)
+        return self._grips[slot]
 
 
 def on_table(scene: Scene, slot: int) -> Float[np.ndarray, "4 4"]:

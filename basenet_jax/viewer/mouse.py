@@ -11,14 +11,15 @@ from basenet_jax.viewer.pointing import Target, hit, meet_plane, pose_of
 from basenet_jax.viewer.session import Session
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Grip:
-    """Where something was grabbed."""
+    """Where something was grabbed, and where it was dragged last."""
 
     target: Target
     height: float  # m, of the level plane in which the mouse then moves it
     offset: Float[np.ndarray, "2"]  # from the mouse to its centre
     yaw: float
+    place: tuple[float, float] | None = None  # m
 
 
 class Mouse:
@@ -37,7 +38,8 @@ class Mouse:
         elif grip := self._grips.get(event.client_id):
             camera = np.asarray(event.client.camera.position)
             place = meet_plane(camera, np.asarray(event.end_position) - camera, grip.height)
-            if place is not None:
+            if place is not None and tuple(place) != grip.place:  # letting go mostly tells of the last move again
+                grip.place = tuple(place)
                 self._move(grip.target, np.array([*(place + grip.offset), grip.yaw]))
         if event.phase == "end":
             self._grips.pop(event.client_id, None)

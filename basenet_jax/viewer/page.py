@@ -10,7 +10,7 @@ from basenet_jax.robot.reading import load_robot
 from basenet_jax.viewer import words
 from basenet_jax.viewer.asking import Answer
 from basenet_jax.viewer.bodies import Bodies
-from basenet_jax.viewer.drawing import PLAN_COLORS, draw_surroundings, draw_table
+from basenet_jax.viewer.drawing import PLAN_COLORS, Surroundings, draw_table, place_camera
 from basenet_jax.viewer.execution import Execution, on_table
 from basenet_jax.viewer.marks import Gizmo, PlaceMark, StartPlate
 from basenet_jax.viewer.object_view import ObjectViews
@@ -42,7 +42,9 @@ class Page:
         self.on_drag: OnDrag | None = None  # told of all drags of what can be moved
         self._executions: list[Execution | None] = [None, None]  # of the plan, and of the one it is compared with
         api = server.scene
-        draw_surroundings(server, scene.arrays.table)
+        self.surroundings = Surroundings(api)
+        draw_table(api, scene.arrays.table)
+        place_camera(server.initial_camera)
         self._objects = ObjectViews(api, lambda box, name: self._bind(box, Target(name)))
         self._plans = [PlanView(api, f"/plan{index}", color, index) for index, color in enumerate(PLAN_COLORS)]
         self._mark, self.gizmo = PlaceMark(api), Gizmo(api)

@@ -41,6 +41,7 @@ class Panel:
             self._answer = gui.add_html("")
             self.forget = gui.add_button("Forget the question")
         self._add_files()
+        self.shadows = gui.add_checkbox("shadows", False, hint="Slower to draw without a graphics card.")
 
     def show_status(self, text: str) -> None:
         """What takes long now."""

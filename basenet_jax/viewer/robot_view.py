@@ -24,6 +24,7 @@ class RobotView:
         self._root = scene.add_frame(root, show_axes=False)
         self._frames: list[viser.FrameHandle] = []
         self.base_meshes: list[viser.MeshHandle] = []
+        self._state: tuple[float, ...] | None = None
         for index, body in enumerate(bodies.bodies):
             parent = self._frames[body.parent].name if body.parent >= 0 else root
             frame = scene.add_frame(f"{parent}/{index}", show_axes=False)
@@ -33,6 +34,10 @@ class RobotView:
 
     def show(self, base_pose: np.ndarray, joints: np.ndarray) -> None:
         """Puts the robot into a state."""
+        state = (*base_pose, *joints)
+        if state == self._state:
+            return  # as at every move of an object that is being dragged
+        self._state = state
         for frame, (position, wxyz) in zip(self._frames, self._bodies.place(base_pose, joints), strict=True):
             frame.position, frame.wxyz = position, wxyz
 

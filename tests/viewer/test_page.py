@@ -1,9 +1,11 @@
 """The viewer in a real browser: headless Chromium, driven by Playwright, the mouse being moved as a hand would."""
 
+import io
 import json
 import time
 from typing import Any
 
+import matplotlib.image
 import numpy as np
 import pytest
 from playwright.sync_api import expect, sync_playwright
@@ -273,3 +275,17 @@ def test_standing_still_the_server_sends_nothing(viewer, page, monkeypatch):
     viewer.session.move_start(np.array([-2.0, -1.0, 0.3]))
     assert viewer.session.wait_idle(PATIENCE_S)
     wait_for(lambda: sent)
+
+
+def test_shadows_bring_a_floor_to_cast_them_on(viewer, page):
+    del viewer
+
+    def brightness():
+        picture = page.screenshot(clip={"x": 0, "y": HEIGHT - 120, "width": 120, "height": 120})
+        return matplotlib.image.imread(io.BytesIO(picture))[..., :3].mean()
+
+    plain, box = brightness(), page.get_by_role("checkbox")
+    box.click()
+    wait_for(lambda: brightness() < plain - 0.01)
+    box.click()
+    wait_for(lambda: brightness() > plain - 0.005)
