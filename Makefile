@@ -5,7 +5,7 @@
 #   make models     install the packages whose robots' models the tests also read (300 MB; without, those are skipped)
 #   make docs       build the documentation into site/
 #   make test-all   the fast tests on every interpreter found among VERSIONS
-#   make bench      the scripts in benchmarks/; with RUN_DIR=runs/NAME also those that need trained weights
+#   make bench      every script in benchmarks/ at a tiny size
 #   make clean      remove environments, caches and build outputs (never runs/)
 #
 # PYTHON=/path/to/python chooses the interpreter of a new environment, VENV=directory where it goes, ARGS="--seed 3"
@@ -59,14 +59,7 @@ test-on-%:
 	else echo "Python $*: $$python"; $(MAKE) --no-print-directory fast-tests PYTHON="$$python" VENV=.venv-$*; fi
 
 bench: $(VENV)/package.stamp
-	set -e; for name in inverse_kinematics navigation picks contacts cost_matrix sampling planners scaling; do echo "$$name"; $(RUN) -m benchmarks.$$name $(ARGS); done
-	set -e; for name in sequence_training sac; do \
-		$(RUN) -m benchmarks.$$name $(if $(RUN_DIR),--weights $(RUN_DIR)/weights/base_pose.weights) $(ARGS); done
-ifdef RUN_DIR
-	$(RUN) -m benchmarks.orders --weights $(RUN_DIR)/weights/basenet.weights $(ARGS)
-else
-	@echo "orders: left out, it needs a trained run: make bench RUN_DIR=runs/NAME"
-endif
+	$(RUN) -m benchmarks $(ARGS)
 
 clean:
 	rm -rf .venv .venv-* build dist site *.egg-info .pytest_cache .ruff_cache .hypothesis .jax_cache

@@ -20,7 +20,7 @@ from basenet_jax.world.clearance import base_collides, capsules_touch
 from basenet_jax.world.generate import draw_problem
 from basenet_jax.world.scene import Table
 
-GUESSES = 64  # of which nearly always one makes sense
+_GUESSES = 64  # of which nearly always one makes sense
 
 
 @struct.dataclass
@@ -120,17 +120,17 @@ class BasePoseEnv(Env):
     def guess(self, state: State, key: Array) -> Float[Array, "*batch action"]:
         """A random action that makes sense: its base is clear of the table, and the grasp within the arm's sphere.
 
-        A short arm on a wide table succeeds once in a hundred uniformly random actions, but once in three of these.
+        Of uniformly random actions 3.5 in a hundred succeed (`ur5e_mobile`; `panda_mobile`: 1.6), of these about 30.
 
         Args:
             state: of a batch of episodes.
             key: consumed.
 
         Returns:
-            The first of `GUESSES` that makes sense; where none does, the last one.
+            The first of many that makes sense; where none does, the last one.
         """
         grasp = state.info["grasp"]
-        actions = jax.random.uniform(key, (GUESSES, *grasp.shape[:-1], ACTION_SIZE), minval=-1.0, maxval=1.0)
+        actions = jax.random.uniform(key, (_GUESSES, *grasp.shape[:-1], ACTION_SIZE), minval=-1.0, maxval=1.0)
         base_pose = base_pose_from_action(actions, grasp, self.frame)
         pick = self.world.pick
         clear = ~base_collides(self.robot, base_pose, self.table, pick.base_clearance_m, pick.touching_m)
