@@ -14,8 +14,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import jax
 from rich.table import Table
 
+from basenet_jax.api import sample_scene
+from basenet_jax.world.scene_file import save_scene
 from benchmarks.harness import Options, Report, parse
 
 NAME = "cold_start"
@@ -42,10 +45,8 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     if options.quick:
         options = replace(options, planners=("basenet-paper",), repeats=1)
     with tempfile.TemporaryDirectory() as folder:
-        scenes = str(Path(folder) / "scenes")
-        given = ["--objects", str(options.objects), "--count", "1", "--seed", str(options.seed), "--out", scenes]
-        _seconds("generate", given, folder)
-        (scene,) = map(str, Path(scenes).iterdir())
+        scene = str(Path(folder) / "scene.yaml")
+        save_scene(scene, sample_scene(jax.random.key(options.seed), objects=options.objects))
         results = []
         for planner in options.planners:
             call = ["plan", [scene, "--planner", planner], str(Path(folder) / planner)]

@@ -26,7 +26,8 @@ from benchmarks.scaling_picture import draw_scaling, rate_points
 from benchmarks.timing import measure_plain, measure_steps, speed
 
 NAME = "many_devices"
-OBJECTS, QUICK_SCENES = 10, 16
+OBJECTS, PLANNER = 10, "basenet"
+QUICK_SCENES, QUICK_PLANNER = 16, "basenet-paper"  # which compiles in a few seconds
 FLAG = "--xla_force_host_platform_device_count"
 
 Row = dict[str, Any]
@@ -50,7 +51,7 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     options = parse(ManyDevicesOptions, NAME, __doc__, arguments)
     report = Report(NAME, options, arguments)
     counts = (2,) if options.quick else options.counts
-    sizes = (QUICK_SCENES, 0) if options.quick else (options.scenes, options.iterations)
+    sizes = (QUICK_PLANNER, QUICK_SCENES, 0) if options.quick else (PLANNER, options.scenes, options.iterations)
     results = [row for count in counts for row in _in_own_process(count, *sizes, options.repeats)]
     names = dict.fromkeys(f"{row['what']} ({row['unit']})" for row in results)
     series = {name: [row for row in results if f"{row['what']} ({row['unit']})" == name] for name in names}
@@ -67,24 +68,29 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     )
 
 
-def _in_own_process(count: int, scenes: int, iterations: int, repeats: int) -> list[Row]:
+def _in_own_process(count: int, planner: str, scenes: int, iterations: int, repeats: int) -> list[Row]:
     environment = dict(os.environ)
     if jax.default_backend() == "cpu":
         given = [flag for flag in environment.get("XLA_FLAGS", "").split() if not flag.startswith(FLAG)]
         environment["XLA_FLAGS"] = " ".join([*given, f"{FLAG}={count}"])
     if cache := getattr(jax.config, "jax_compilation_cache_dir", None):
         environment["JAX_COMPILATION_CACHE_DIR"] = str(cache)
-    program = f"from benchmarks.{NAME} import print_rows; print_rows({count}, {scenes}, {iterations}, {repeats})"
+    program = (
+        f"from benchmarks.{NAME} import print_rows; print_rows({count}, {planner!r}, {scenes}, {iterations}, {repeats})"
+    )
     child = subprocess.run(
         [sys.executable, "-c", program], env=environment, stdout=subprocess.PIPE, text=True, check=True
     )
     return json.loads(child.stdout.splitlines()[-1])
 
 
-def print_rows(count: int, scenes: int, iterations: int, repeats: int) -> None:
+def print_rows(count: int, planner: str, scenes: int, iterations: int, repeats: int) -> None:
     """What a process of its own does: measures on so many devices, and prints the rows as JSON."""
     devices = use_devices(count)
-    rows = [_planning(devices, scenes, repeats), *(_training(devices, iterations, repeats) if iterations else [])]
+    rows = [
+        _planning(devices, planner, scenes, repeats),
+        *(_training(devices, iterations, repeats) if iterations else []),
+    ]
     print(json.dumps([row | {"devices": count} for row in rows]))
 
 
@@ -108,14 +114,14 @@ def _training(devices: Devices, iterations: int, repeats: int) -> list[Row]:
     return rows
 
 
-def _planning(devices: Devices, count: int, repeats: int) -> Row:
+def _planning(devices: Devices, name: str, count: int, repeats: int) -> Row:
     scenes = sample_scenes(jax.random.key(0), count=count, objects=OBJECTS)
-    planner: Any = make_planner("basenet", PlannerSetup(devices=devices))
+    planner: Any = make_planner(name, PlannerSetup(devices=devices))
 
     def run() -> None:
         jax.block_until_ready(planner.plan_batch(scenes, jax.random.key(1)))
 
-    return speed("plan_batch with basenet", "scenes/s", count, measure_plain(run, repeats=repeats), batch=count)
+    return speed(f"plan_batch with {name}", "scenes/s", count, measure_plain(run, repeats=repeats), batch=count)
 
 
 if __name__ == "__main__":

@@ -135,9 +135,11 @@ def _episodes_alone(sac: Sac, state: SacState, key: Array, repeats: int) -> tupl
 
 
 def _updates_alone(sac: Sac, state: SacState, key: Array, repeats: int) -> dict[str, Any]:
-    """Gradient steps on a replay buffer that one iteration has filled."""
+    """Gradient steps on a full replay buffer: of zeros, which take as long as real episodes."""
     count = ITERATIONS_PER_RUN * sac.config.updates_per_iteration
-    state, _ = jax.jit(_repeated(sac._iterate, 1))(state)
+    replay: Any = state.replay
+    end = jnp.full_like(replay.insert_position, replay.data.shape[-2])
+    state = dataclasses.replace(state, replay=replay.replace(insert_position=end))
 
     def update(state: SacState) -> Any:
         return jax.lax.scan(sac._update, state, jax.random.split(key, count), unroll=4)
