@@ -43,7 +43,7 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     options = parse(ColdStartOptions, NAME, __doc__, arguments)
     report = Report(NAME, options, arguments)
     if options.quick:
-        options = replace(options, planners=("basenet-paper",), repeats=1)
+        options = replace(options, planners=("pbg",), repeats=1)
     with tempfile.TemporaryDirectory() as folder:
         scene = str(Path(folder) / "scene.yaml")
         save_scene(scene, sample_scene(jax.random.key(options.seed), objects=options.objects))
