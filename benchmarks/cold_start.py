@@ -32,7 +32,7 @@ class ColdStartOptions(Options):
     objects: int = 10
     """In the scene."""
     planners: tuple[str, ...] = ("basenet", "basenet-paper", "basenet-sample", "refined", "dp", "greedy-stops")
-    """Names of planners."""
+    """Names of planners; with --quick nothing is planned."""
     repeats: int = 3
     """Further runs after the first; the median counts."""
 
@@ -43,7 +43,7 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     options = parse(ColdStartOptions, NAME, __doc__, arguments)
     report = Report(NAME, options, arguments)
     if options.quick:
-        options = replace(options, planners=("pbg",), repeats=1)
+        options = replace(options, planners=(), repeats=1)
     with tempfile.TemporaryDirectory() as folder:
         scene = str(Path(folder) / "scene.yaml")
         save_scene(scene, sample_scene(jax.random.key(options.seed), objects=options.objects))

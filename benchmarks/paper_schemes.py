@@ -30,6 +30,8 @@ Order = Literal["learned", "greatest reward"]
 # A scene to N (s), G (s) and the share grasped of its plan.
 Evaluate = Callable[[Scene], tuple[float, float, float]]
 
+_execute: Callable[..., Any] = jax.jit(execute, static_argnames="config")
+
 
 def make_schemes(setup: PlannerSetup, grid: GridConfig) -> dict[str, Evaluate]:
     """What is compared, by name; exact planning comes first."""
@@ -58,11 +60,6 @@ def make_schemes(setup: PlannerSetup, grid: GridConfig) -> dict[str, Evaluate]:
         "base poses of greatest reward, learned order": by_reward("learned"),
         "base pose and object of greatest reward": by_reward("greatest reward"),
     }
-
-
-@jax.jit(static_argnames="world")
-def _execute(robot: Robot, scene: Scene, plan: Plan, world: WorldConfig) -> Any:
-    return execute(robot, scene, plan, world)
 
 
 @jax.jit(static_argnames=("world", "order"))
