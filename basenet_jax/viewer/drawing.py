@@ -57,6 +57,7 @@ class Surroundings:
 
     def cast_shadows(self, shadows: bool) -> None:
         """A floor, shadows on it and reflections; or lines and plain light."""
+        self.shadows = shadows
         around = "warehouse" if shadows else None
         self._scene.configure_environment_map(around, background=False, environment_intensity=0.4)
         self._scene.configure_default_lights(cast_shadow=shadows)
