@@ -34,7 +34,7 @@ class Arguments:
     repeats: int = 3
     """Warm calls per scene and planner; P is their median."""
     timed: int = 100
-    """So many scenes are planned one at a time, for P; beyond them planners that can plan the rest together."""
+    """So many scenes are planned again and again, for P; the rest once, together where the planner can."""
     weights: Path | None = None
     """Weights file of the learned planners. Default: the one shipped with the package."""
     budget: float = 0.0

@@ -39,7 +39,7 @@ class Summary:
     planner: str
     objects: int
     scenes: int
-    timed: int  # scenes that were planned alone, which P and P + N + G are of
+    timed: int  # scenes that were planned with a stopwatch, which P and P + N + G are of
     figures: dict[str, Figure]  # grasped (share), planning_s, navigation_s, grasping_s, execution_s, total_s
     planning_median_s: float  # of P over the scenes
     planning_max_s: float  # of the scene that took longest

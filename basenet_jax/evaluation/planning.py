@@ -25,7 +25,7 @@ class Planned:
     """One planner's plans for a set of B scenes."""
 
     plans: Plan  # a batch of B
-    planning_s: Float[np.ndarray, " B"]  # P: the median of warm calls; NaN where the scene wasn't planned alone
+    planning_s: Float[np.ndarray, " B"]  # P: the median of warm calls; NaN where the scene wasn't timed
     compile_s: Float[np.ndarray, " B"]  # by how much each scene's first call took longer; likewise
 
 
@@ -80,9 +80,10 @@ def plan_all(
     reporter: Reporter,
     timed: int | None = None,
 ) -> Planned:
-    """Plans scene after scene, as a robot would be served, and times each plan warm, the garbage collector off.
+    """Plans scene after scene, as a robot would be served, and times the first plans warm, the garbage collector off.
 
-    Planners that can plan many scenes at once do so beyond the first ones, which are timed: the plans are the same.
+    Scenes beyond those are planned without a stopwatch: together where the planner can, otherwise one after another.
+    The plans are the same.
 
     Args:
         planners: the planners.
@@ -91,19 +92,19 @@ def plan_all(
         repeats: warm calls per scene, fewer where they take long (see `plan_timed`).
         seed: of planners that draw random numbers.
         reporter: told of every scene.
-        timed: so many scenes are planned alone at least; None: all.
+        timed: so many scenes, the first ones, are timed; None: all.
 
     Raises:
         PlanningError: the planner refuses a scene; the message names the scene.
         RuntimeError: a plan doesn't have each object exactly once.
     """
     key, planner = jax.random.key(seed), planners.get(name, scenes.scene(0).table)
-    many = timed is not None and len(scenes) > timed and scenes.on_one_table()
-    together = planner if many and isinstance(planner, BatchPlanner) else None
-    count = timed if together else len(scenes)
+    timed = len(scenes) if timed is None else min(timed, len(scenes))
+    together = planner if isinstance(planner, BatchPlanner) and scenes.on_one_table() and timed < len(scenes) else None
+    keys = jax.random.split(key, len(scenes))[: timed if together else None]
     reporter.start(f"{scenes.objects} objects, {name}", len(scenes), unit="scenes")
     try:
-        alone = _plan_alone(planners, name, scenes, jax.random.split(key, len(scenes))[:count], repeats, reporter)
+        alone = _plan_alone(planners, name, scenes, keys, repeats, timed, reporter)
         plans = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(each.plan for each in alone))
         if together:
             plans = jax.block_until_ready(together.plan_batch(scenes.scenes, key))
@@ -115,27 +116,30 @@ def plan_all(
         plan, scene = jax.tree.map(lambda x, index=index: x[index], on_host)
         _check_complete(plan, scene, f"{name}, scene {label}")
     planning_s, compile_s = np.full((2, len(scenes)), np.nan)
-    planning_s[:count] = [each.planning_time_s for each in alone]
-    compile_s[:count] = [each.compile_time_s for each in alone]
+    planning_s[:timed] = [each.planning_time_s for each in alone[:timed]]
+    compile_s[:timed] = [each.compile_time_s for each in alone[:timed]]
     return Planned(plans, planning_s, compile_s)
 
 
 def _plan_alone(
-    planners: Planners, name: str, scenes: SceneSet, keys: Array, repeats: int, reporter: Reporter
+    planners: Planners, name: str, scenes: SceneSet, keys: Array, repeats: int, timed: int, reporter: Reporter
 ) -> list[TimedPlan]:
-    """Timed plans of as many scenes as there are keys, the first ones."""
-    timed: list[TimedPlan] = []
+    """Plans of as many scenes as there are keys, the first ones; the times of those beyond `timed` are NaN."""
+    alone: list[TimedPlan] = []
     for index, key in enumerate(keys):
         scene = scenes.scene(index)
         planner = planners.get(name, scene.table)
         jax.block_until_ready((scene, key))
         try:
-            with _no_garbage_collection():
-                timed.append(plan_timed(planner, scene, key, repeats=repeats))
+            if index < timed:
+                with _no_garbage_collection():
+                    alone.append(plan_timed(planner, scene, key, repeats=repeats))
+            else:
+                alone.append(TimedPlan(jax.block_until_ready(planner(scene, key)), np.nan, np.nan))
         except PlanningError as error:
             raise PlanningError(f"scene {scenes.labels[index]}: {error}") from error
-        reporter.update(index + 1, {"P (s)": float(np.median([each.planning_time_s for each in timed]))})
-    return timed
+        reporter.update(index + 1, {"P (s)": float(np.median([each.planning_time_s for each in alone[:timed]]))})
+    return alone
 
 
 @contextlib.contextmanager

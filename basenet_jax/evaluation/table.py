@@ -76,7 +76,7 @@ def compare(
         repeats: warm calls per scene and planner.
         seed: of planners that draw random numbers.
         reporter: told of the progress.
-        timed: so many scenes at least each planner plans alone; see `plan_all`.
+        timed: so many scenes, the first ones, give the planning time; see `plan_all`.
 
     Returns:
         A row for each set and planner, in their order.

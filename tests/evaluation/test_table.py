@@ -116,25 +116,34 @@ def test_calls_are_counted_and_timed_without_garbage_collection(setup, scenes):
     assert np.all(planned.compile_s >= 0)
 
 
-def test_what_can_be_planned_together_is_timed_on_the_first_scenes_only(setup, scenes):
+def test_scenes_beyond_the_timed_ones_are_planned_once_and_together_where_the_planner_can(setup, scenes):
     calls = []
 
-    class Many(Fixed):
+    class Counted(Fixed):
+        def __call__(self, scene, key):
+            calls.append(1)
+            return super().__call__(scene, key)
+
+    class Many(Counted):
         def plan_batch(self, scenes, key):
             calls.append(len(scenes.mask))
             return protocol.plan_batch(Fixed(self.setup), scenes, key)
 
-    def plan(name, timed):
-        planners = Planners({"alone": Fixed, "many": Many}, setup)
-        return plan_all(planners, name, scenes, repeats=1, seed=7, reporter=PlainReporter(io.StringIO()), timed=timed)
+    def plan(planner, timed):
+        calls.clear()
+        reporter = PlainReporter(io.StringIO())
+        planned = plan_all(
+            Planners({"it": planner}, setup), "it", scenes, repeats=1, seed=7, reporter=reporter, timed=timed
+        )
+        return planned, sum(calls)
 
-    alone, some, all_timed = plan("alone", 2), plan("many", 2), plan("many", 3)
-    assert calls == [3]
-    jax.tree.map(np.testing.assert_array_equal, some.plans, alone.plans)
-    np.testing.assert_array_equal(np.isnan(some.planning_s), [False, False, True])
-    np.testing.assert_array_equal(np.isnan(some.compile_s), [False, False, True])
-    assert not np.any(np.isnan(alone.planning_s))
-    assert not np.any(np.isnan(all_timed.planning_s))
+    (every, n_every), (alone, n_alone), (together, n_together) = plan(Many, 3), plan(Counted, 2), plan(Many, 2)
+    assert (n_every, n_alone, n_together) == (2 * 3, 2 * 2 + 1, 2 * 2 + 3)
+    assert not np.any(np.isnan(every.planning_s))
+    for some in (alone, together):
+        jax.tree.map(np.testing.assert_array_equal, some.plans, every.plans)
+        np.testing.assert_array_equal(np.isnan(some.planning_s), [False, False, True])
+        np.testing.assert_array_equal(np.isnan(some.compile_s), [False, False, True])
 
 
 def test_every_table_has_its_own_planner(setup, batch):
