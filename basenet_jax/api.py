@@ -21,7 +21,8 @@ from jaxtyping import PRNGKeyArray
 from basenet_jax.devices import ONE_DEVICE, Devices
 from basenet_jax.planners import registry
 from basenet_jax.planners.protocol import Planner, PlannerSetup
-from basenet_jax.robot.reading import DEFAULT_ROBOT, load_robot
+from basenet_jax.robot.model import Robot
+from basenet_jax.robot.reading import DEFAULT_ROBOT, Stamp, load_robot, robot_stamp
 from basenet_jax.task import plan as judge
 from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.world.generate import draw_scene
@@ -195,13 +196,16 @@ def planner_for(
     # A file that was written anew is another one.
     version = path.stat().st_mtime_ns if path is not None and path.exists() else None
     sides = (float(table.half_size[0]), float(table.half_size[1]))
-    return _planner(name, _robot_name(scene), sides, float(table.height), budget_s, samples, devices, path, version)
+    robot = _robot_name(scene)
+    stamp = robot_stamp(robot)
+    return _planner(name, robot, stamp, sides, float(table.height), budget_s, samples, devices, path, version)
 
 
 @functools.lru_cache(maxsize=16)
 def _planner(
     name: str,
     robot: str,
+    stamp: Stamp,
     half_size: tuple[float, float],
     height: float,
     budget_s: float,
@@ -210,15 +214,20 @@ def _planner(
     weights: Path | None,
     version: int | None,
 ) -> tuple[PlannerSetup, Planner]:
-    del version
+    del stamp, version
     table = Table(half_size=jnp.array(half_size), height=jnp.array(height))
     own = {"weights": weights, "samples": samples, "budget_s": budget_s, "devices": devices}
     setup = PlannerSetup(_robot(robot), table, **own)
     return setup, registry.make_planner(name, setup)
 
 
-@functools.cache
-def _robot(name: str):
+def _robot(name: str) -> Robot:
+    return _robot_on_device(name, robot_stamp(name))
+
+
+@functools.lru_cache(maxsize=16)
+def _robot_on_device(name: str, stamp: Stamp) -> Robot:
+    del stamp
     return jax.device_put(load_robot(name))
 
 

@@ -29,8 +29,6 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "scene.yaml").write_text(TEXT)
     (tmp_path / "unnamed.yaml").write_text(UNNAMED)
     monkeypatch.chdir(tmp_path)
-    load_robot.cache_clear()
-    api._robot.cache_clear()
     return tmp_path
 
 
@@ -88,6 +86,16 @@ def test_a_scene_for_a_robot_of_ones_own_needs_its_file(folder, setups, capsys):
     assert "given by its file as --robot" in err
     assert plan.main([scene, "--planner", "dp", "--robot", "mine.yaml"]) in (0, 3)
     assert "names the robot" not in capsys.readouterr().err
+
+
+def test_the_library_plans_with_the_robot_file_as_it_is_now(folder, setups):
+    scene = load_scene("unnamed.yaml", robot="mine.yaml")
+    for _ in range(2):
+        api.make_plan(scene, planner="dp")
+    assert [float(setup.robot.footprint_half_size[0]) for setup in setups] == pytest.approx([0.8]), "made once"
+    (folder / "mine.yaml").write_text((folder / "mine.yaml").read_text().replace("- 1.6\n", "- 1.2\n"))
+    api.make_plan(scene, planner="dp")
+    assert float(setups[-1].robot.footprint_half_size[0]) == pytest.approx(0.6)
 
 
 @pytest.mark.parametrize(

@@ -56,7 +56,7 @@ class Cause(NamedTuple):
 
 def compare_with_mujoco(source: Source, seed: int = 0) -> Difference:
     """Forward kinematics and Jacobian, in float64, beside MuJoCo's on the robot's own model."""
-    robot, file, model = source
+    robot, file, model = source.robot, source.file, source.model
     joints = np.random.default_rng(seed).uniform(robot.joint_lower, robot.joint_upper, (_STATES, robot.dof))
     with jax.enable_x64(True):
         compute = jax.jit(lambda robot, q: (*forward_kinematics(robot, q), geometric_jacobian(robot, q)))

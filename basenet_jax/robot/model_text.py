@@ -6,7 +6,6 @@ reads another file, loads a plugin or runs code.
 """
 
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
@@ -50,6 +49,12 @@ class ModelText:
     xml: str
     is_urdf: bool
     meshes: dict[str, Path | str] = field(default_factory=dict)  # by the name in the text; a text: what is missing
+    sources: tuple[Path, ...] = ()  # the model's file and those it includes
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """All that the model is made of, as far as it was found."""
+        return (*self.sources, *(mesh for mesh in self.meshes.values() if isinstance(mesh, Path)))
 
 
 def read_model_text(path: Path, folder: Path) -> ModelText:
@@ -65,7 +70,7 @@ def read_model_text(path: Path, folder: Path) -> ModelText:
     root = _parse(path)
     meshes = _Meshes(folder.resolve(), path.parent)
     if root.tag == "robot":
-        return _urdf(root, meshes)
+        return _urdf(root, path, meshes)
     if root.tag == "mujoco":
         return _mjcf(root, path, meshes)
     raise DocumentError(f"{path.name}: found XML of <{root.tag[:40]}>, allowed are MJCF (<mujoco>) and URDF (<robot>)")
@@ -146,7 +151,7 @@ def _prune(element: ElementTree.Element, kept: dict[str, set[str]]) -> None:
             _prune(child, kept)
 
 
-def _urdf(root: ElementTree.Element, meshes: _Meshes) -> ModelText:
+def _urdf(root: ElementTree.Element, path: Path, meshes: _Meshes) -> ModelText:
     _prune(root, _URDF)
     _check_tree(root)
     for mesh in root.iter("mesh"):
@@ -158,7 +163,7 @@ def _urdf(root: ElementTree.Element, meshes: _Meshes) -> ModelText:
     settings = ElementTree.SubElement(root, "mujoco")
     options = {"fusestatic": "false", "strippath": "false", "discardvisual": "true", "balanceinertia": "true"}
     ElementTree.SubElement(settings, "compiler", options | _NO_INERTIA)
-    return ModelText(ElementTree.tostring(root, "unicode"), True, meshes.files)
+    return ModelText(ElementTree.tostring(root, "unicode"), True, meshes.files, (path,))
 
 
 _NO_INERTIA = {"boundmass": "1", "boundinertia": "0.01"}  # of links that have none, for MuJoCo's sake
@@ -185,8 +190,8 @@ def _check_tree(root: ElementTree.Element) -> None:
 
 
 def _mjcf(root: ElementTree.Element, path: Path, meshes: _Meshes) -> ModelText:
-    budget = iter(range(MAX_INCLUDES))
-    _include(root, path, meshes.folder, (path.resolve(),), budget)
+    included: list[Path] = []
+    _include(root, path, meshes.folder, (path.resolve(),), included)
     for element in root.iter():
         for attribute in _LOOKS:
             element.attrib.pop(attribute, None)
@@ -204,24 +209,25 @@ def _mjcf(root: ElementTree.Element, path: Path, meshes: _Meshes) -> ModelText:
             mesh.attrib.setdefault("name", Path(file).stem)
             mesh.set("file", meshes.name(file, [path.parent / folder / own]))
             mesh.attrib.pop("content_type", None)
-    return ModelText(ElementTree.tostring(root, "unicode"), False, meshes.files)
+    return ModelText(ElementTree.tostring(root, "unicode"), False, meshes.files, (path, *included))
 
 
 def _include(
-    element: ElementTree.Element, path: Path, folder: Path, above: tuple[Path, ...], budget: Iterator[int]
+    element: ElementTree.Element, path: Path, folder: Path, above: tuple[Path, ...], included: list[Path]
 ) -> None:
-    """Puts the content of included files in the place of <include>, wherever it stands."""
+    """Puts the content of included files in the place of <include>, wherever it stands, and lists them."""
     for index, child in reversed(list(enumerate(element))):
         if child.tag != "include":
-            _include(child, path, folder, above, budget)
+            _include(child, path, folder, above, included)
             continue
         file = child.get("file", "")
         found = inside(path.parent / file, folder)
         if found is None:
             raise DocumentError(f"model: include: found {describe(file)}, allowed are files in the robot file's folder")
-        if found in above or next(budget, None) is None:
+        if found in above or len(included) == MAX_INCLUDES:
             what = "an include of itself" if found in above else f"more than {MAX_INCLUDES} includes"
             raise DocumentError(f"model: include: found {what} ({describe(file)}), allowed are {MAX_INCLUDES} without")
-        included = _parse(found)
-        _include(included, path, folder, (*above, found), budget)
-        element[index : index + 1] = list(included)
+        included.append(found)
+        content = _parse(found)
+        _include(content, path, folder, (*above, found), included)
+        element[index : index + 1] = list(content)

@@ -5,11 +5,11 @@
 
 import functools
 import hashlib
-import math
 import os
+from collections.abc import Iterable
 from importlib import resources
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import mujoco
@@ -17,6 +17,7 @@ import numpy as np
 
 from basenet_jax.documents.fields import DocumentError, convert
 from basenet_jax.documents.text_files import read_json, read_yaml
+from basenet_jax.robot.assembly import build_robot
 from basenet_jax.robot.capsule_fit import Fit
 from basenet_jax.robot.fields import ALLOWED, FORMAT, RobotFile
 from basenet_jax.robot.model import Robot
@@ -27,7 +28,8 @@ from basenet_jax.robot.robot_mjcf import write_mjcf
 
 DEFAULT_ROBOT = "ur5e_mobile"
 SUFFIXES = (".yaml", ".yml", ".json")
-_WHOLE_TURN = 2.0 * math.pi  # either way, for a turning joint without limits
+
+Stamp = tuple[tuple[Path, int, int], ...]  # each file, when it was changed last, its size; zeros: it is gone
 
 
 class RobotFileError(ValueError):
@@ -40,22 +42,62 @@ class Source(NamedTuple):
     robot: Robot
     file: RobotFile
     model: mujoco.MjModel  # the file's own, without inertias and looks
+    files: tuple[Path, ...]  # all that was read, meshes too
 
 
+@functools.cache
 def packaged_robots() -> tuple[str, ...]:
     """Names of the robots that come with the package."""
     assets = resources.files("basenet_jax.robot") / "assets"
     return tuple(sorted(entry.name[:-5] for entry in assets.iterdir() if entry.name.endswith(".yaml")))
 
 
-@functools.cache
 def load_robot(reference: str = DEFAULT_ROBOT) -> Robot:
-    """A packaged robot by its name, or one of your own by the path of its robot file; read once and kept.
+    """A packaged robot by its name, or one of your own by the path of its robot file; kept until a file of it changes.
 
     Raises:
         ValueError: there is no such robot, or (`RobotFileError`) its file is refused.
     """
-    return find_source(reference).robot
+    return _load(reference)[0]
+
+
+def robot_stamp(reference: str) -> Stamp:
+    """What differs once `load_robot` gives another robot for the same reference.
+
+    Raises:
+        ValueError: as for `load_robot`.
+    """
+    return _load(reference)[1]
+
+
+def _load(reference: str) -> tuple[Robot, Stamp]:
+    if reference in packaged_robots():
+        return _load_packaged(reference), ()
+    path = str(Path(reference).resolve())
+    kept = _kept.get(path)
+    if kept is None or kept[1] != _stamp([file for file, *_ in kept[1]]):
+        source = find_source(reference)
+        kept = _kept[path] = (source.robot, _stamp(source.files))
+    return kept
+
+
+_kept: dict[str, tuple[Robot, Stamp]] = {}  # by the robot file's path
+
+
+@functools.cache
+def _load_packaged(name: str) -> Robot:
+    return find_source(name).robot
+
+
+def _stamp(files: Iterable[Path]) -> Stamp:
+    def of(path: Path) -> tuple[Path, int, int]:
+        try:
+            status = path.stat()
+        except OSError:
+            return path, 0, 0
+        return path, status.st_mtime_ns, status.st_size
+
+    return tuple(map(of, files))
 
 
 def find_source(reference: str) -> Source:
@@ -106,12 +148,12 @@ def read_source(path: str | os.PathLike[str], *, packaged: bool = False) -> Sour
         arm = read_arm(model, joints=file.joints, arm_base=file.frames.arm_base, tool=file.frames.tool)
         if file.capsules:
             arm = arm._replace(capsules=_own_capsules(file, model, arm))
-        robot = _build(file, model, arm)
+        robot = build_robot(file, model, arm)
         check_robot(file, robot)
     except DocumentError as error:
         raise RobotFileError(f"{path}: {error}") from None
     stays = [(capsule.link, capsule.fit) for capsule in arm.capsules if capsule.link == 0]
-    return Source(robot.replace(model_xml=write_mjcf(robot, stays)), file, model)
+    return Source(robot.replace(model_xml=write_mjcf(robot, stays)), file, model, (path.resolve(), *text.files))
 
 
 def _own_capsules(file: RobotFile, model: mujoco.MjModel, arm: Arm) -> list[Capsule]:
@@ -134,64 +176,3 @@ def _own_capsules(file: RobotFile, model: mujoco.MjModel, arm: Arm) -> list[Caps
         start, end = (rotation @ np.array(point) + position for point in (own.start, own.end))
         capsules.append(Capsule(link, own.frame, Fit(start, end, own.radius)))
     return sorted(capsules, key=lambda capsule: capsule.link)
-
-
-def _build(file: RobotFile, model: mujoco.MjModel, arm: Arm) -> Robot:
-    speed, acceleration, body = file.base.speed, file.base.acceleration, file.base.body
-    sliding = tuple(bool(model.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE) for j in arm.joint_ids)
-    tested = [capsule for capsule in arm.capsules if capsule.link > 0]  # the arm's base never moves against its own
-    leaves: dict[str, Any] = {
-        **_arm_leaves(arm, model, tested),
-        **_joint_leaves(file, sliding),
-        "mount_rotation": _from_rpy(np.radians(file.mount.rpy_degrees)),
-        "mount_position": np.array(file.mount.position),
-        "body_center": np.array(body.center),
-        "body_half_size": np.array(body.size) / 2,
-        "footprint_half_size": np.array(file.base.footprint) / 2,
-        "base_speed": np.array([speed.linear, speed.angular]),
-        "base_acceleration": np.array([acceleration.linear, acceleration.angular]),
-        "deck": np.array([*file.deck.center, *file.deck.size]),
-    }
-    return Robot(
-        **leaves,
-        name=file.name,
-        model_xml="",
-        joint_names=tuple(file.joints),
-        prismatic=sliding,
-        capsule_link=tuple(capsule.link for capsule in tested),
-        closed_form=file.closed_form,
-    )
-
-
-def _arm_leaves(arm: Arm, model: mujoco.MjModel, capsules: list[Capsule]) -> dict[str, np.ndarray]:
-    limited = model.jnt_limited[arm.joint_ids].astype(bool)[:, None]
-    limits = np.where(limited, model.jnt_range[arm.joint_ids], [-_WHOLE_TURN, _WHOLE_TURN])
-    return {
-        "joint_rotation": np.stack([rotation for rotation, _ in arm.steps]),
-        "joint_position": np.stack([position for _, position in arm.steps]),
-        "tool_rotation": arm.tool[0],
-        "tool_position": arm.tool[1],
-        "joint_lower": limits[:, 0].copy(),
-        "joint_upper": limits[:, 1].copy(),
-        "capsule_start": np.array([capsule.fit.start for capsule in capsules]).reshape(-1, 3),
-        "capsule_end": np.array([capsule.fit.end for capsule in capsules]).reshape(-1, 3),
-        "capsule_radius": np.array([capsule.fit.radius for capsule in capsules]),
-    }
-
-
-def _joint_leaves(file: RobotFile, sliding: tuple[bool, ...]) -> dict[str, np.ndarray]:
-    unit = np.where(sliding, 1.0, math.pi / 180.0)
-    return {
-        "joint_speed": np.array(file.joint_speed),
-        "joint_acceleration": np.array(file.joint_acceleration),
-        "home": np.array(file.home_degrees) * unit,
-        "stow": np.array(file.stow_degrees) * unit,
-    }
-
-
-def _from_rpy(angles: np.ndarray) -> np.ndarray:
-    """Rz(yaw) Ry(pitch) Rx(roll), exact where an angle is 0."""
-    (sr, sp, sy), (cr, cp, cy) = np.sin(angles), np.cos(angles)
-    roll = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])
-    pitch = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])
-    return np.array([[cy, -sy, 0.0], [sy, cy, 0.0], [0.0, 0.0, 1.0]]) @ pitch @ roll

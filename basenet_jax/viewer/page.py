@@ -54,7 +54,7 @@ class Page:
     def show_scene(self, scene: NamedScene) -> None:
         """See `Screen`: objects stand on the table, the robot at its start."""
         with self.lock, self._server.atomic():
-            if scene.robot != self._scene.robot:
+            if load_robot(scene.robot) is not self._robot:  # another one, or its file has changed
                 self._remove_robot()
                 self._use_robot(scene)
             if not _same_table(scene, self._scene):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
-from basenet_jax.robot.reading import RobotFileError, load_robot, read_robot, robot_name
+from basenet_jax.robot.reading import RobotFileError, load_robot, read_robot, robot_name, robot_stamp
 
 JOINTS = ["shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3"]
 
@@ -57,6 +57,30 @@ def test_a_robot_of_ones_own_is_loaded_by_its_path(files):
     content, path = files
     read(content, path)
     assert load_robot(str(path)).name == robot_name(str(path)) == "mine"
+
+
+def test_a_robot_is_kept_until_a_file_of_it_changes(files):
+    content, path = files
+    model = path.parent / content["model"]
+    part = path.parent / "part.xml"
+    part.write_text("<mujoco/>")
+    model.write_text(model.read_text().replace("<worldbody>", '<include file="part.xml"/><worldbody>', 1))
+    read(content, path)
+
+    def changed(change):
+        before, stamp = load_robot(str(path)), robot_stamp(str(path))
+        change()
+        assert (robot_stamp(str(path)) != stamp) == (load_robot(str(path)) is not before)
+        return load_robot(str(path)) is not before
+
+    assert not changed(lambda: None)
+    for each in (model, part):
+        assert changed(lambda file=each: file.write_text(file.read_text() + " "))
+    assert changed(lambda: read(content | {"deck": content["deck"] | {"center": [0.1, 0.0]}}, path))
+    np.testing.assert_array_equal(load_robot(str(path)).deck[:2], [0.1, 0.0])
+    path.unlink()
+    with pytest.raises(RobotFileError, match="can't be read"):
+        load_robot(str(path))
 
 
 @pytest.mark.parametrize("reference", ["ur6e", "robot.xml", ""])

@@ -1,0 +1,84 @@
+"""A robot's arrays, from its file and from what its model says of the arm."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled module comes without type stubs.)
+
+import math
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from basenet_jax.robot.fields import RobotFile
+from basenet_jax.robot.model import Robot
+from basenet_jax.robot.model_arm import Arm, Capsule
+
+_WHOLE_TURN = 2.0 * math.pi  # either way, for a turning joint without limits
+
+
+def build_robot(file: RobotFile, model: mujoco.MjModel, arm: Arm) -> Robot:
+    """The robot, in SI units, without the MJCF of its own (`Robot.model_xml`).
+
+    Args:
+        file: the robot file.
+        model: the file's model, compiled.
+        arm: read from it.
+    """
+    speed, acceleration, body = file.base.speed, file.base.acceleration, file.base.body
+    sliding = tuple(bool(model.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE) for j in arm.joint_ids)
+    tested = [capsule for capsule in arm.capsules if capsule.link > 0]  # the arm's base never moves against its own
+    leaves: dict[str, Any] = {
+        **_arm_leaves(arm, model, tested),
+        **_joint_leaves(file, sliding),
+        "mount_rotation": _from_rpy(np.radians(file.mount.rpy_degrees)),
+        "mount_position": np.array(file.mount.position),
+        "body_center": np.array(body.center),
+        "body_half_size": np.array(body.size) / 2,
+        "footprint_half_size": np.array(file.base.footprint) / 2,
+        "base_speed": np.array([speed.linear, speed.angular]),
+        "base_acceleration": np.array([acceleration.linear, acceleration.angular]),
+        "deck": np.array([*file.deck.center, *file.deck.size]),
+    }
+    return Robot(
+        **leaves,
+        name=file.name,
+        model_xml="",
+        joint_names=tuple(file.joints),
+        prismatic=sliding,
+        capsule_link=tuple(capsule.link for capsule in tested),
+        closed_form=file.closed_form,
+    )
+
+
+def _arm_leaves(arm: Arm, model: mujoco.MjModel, capsules: list[Capsule]) -> dict[str, np.ndarray]:
+    limited = model.jnt_limited[arm.joint_ids].astype(bool)[:, None]
+    limits = np.where(limited, model.jnt_range[arm.joint_ids], [-_WHOLE_TURN, _WHOLE_TURN])
+    return {
+        "joint_rotation": np.stack([rotation for rotation, _ in arm.steps]),
+        "joint_position": np.stack([position for _, position in arm.steps]),
+        "tool_rotation": arm.tool[0],
+        "tool_position": arm.tool[1],
+        "joint_lower": limits[:, 0].copy(),
+        "joint_upper": limits[:, 1].copy(),
+        "capsule_start": np.array([capsule.fit.start for capsule in capsules]).reshape(-1, 3),
+        "capsule_end": np.array([capsule.fit.end for capsule in capsules]).reshape(-1, 3),
+        "capsule_radius": np.array([capsule.fit.radius for capsule in capsules]),
+    }
+
+
+def _joint_leaves(file: RobotFile, sliding: tuple[bool, ...]) -> dict[str, np.ndarray]:
+    unit = np.where(sliding, 1.0, math.pi / 180.0)
+    return {
+        "joint_speed": np.array(file.joint_speed),
+        "joint_acceleration": np.array(file.joint_acceleration),
+        "home": np.array(file.home_degrees) * unit,
+        "stow": np.array(file.stow_degrees) * unit,
+    }
+
+
+def _from_rpy(angles: np.ndarray) -> np.ndarray:
+    """Rz(yaw) Ry(pitch) Rx(roll), exact where an angle is 0."""
+    (sr, sp, sy), (cr, cp, cy) = np.sin(angles), np.cos(angles)
+    roll = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])
+    pitch = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])
+    return np.array([[cy, -sy, 0.0], [sy, cy, 0.0], [0.0, 0.0, 1.0]]) @ pitch @ roll
