@@ -44,7 +44,7 @@ def markdown(rows: Sequence[Row], about: dict[str, Any]) -> str:
     lines = [
         f"`{about['command']}`, on {where}.",
         f"Scenes: {about['scenes']}. Times: mean ± standard deviation over the scenes, in s; P is measured warm",
-        f"(median of {about['repeats']} calls), compiling apart, with one scene at a time; {_timed(rows)}.",
+        f"(median of {about['repeats']} calls), compiling apart, with one scene at a time{_timed(rows)}.",
         "",
         *_table(cost_cells(rows)),
         "",
@@ -91,14 +91,10 @@ def results(rows: Sequence[Row], about: dict[str, Any]) -> str:
 
 
 def _timed(rows: Sequence[Row]) -> str:
-    """In words, which scenes P is of."""
+    """In words, which scenes P is of, where it isn't all."""
     summaries = [summary for row in rows if (summary := summarise(row, rows))]
-    fewer = [
-        f"{each.planner} (the first {each.timed} of {each.objects} objects)"
-        for each in summaries
-        if each.timed < each.scenes
-    ]
-    return f"of all scenes but for {', '.join(fewer)}" if fewer else "of all scenes"
+    fewer = {each.timed for each in summaries if each.timed < each.scenes}
+    return f", for the first {min(fewer)} scenes" if fewer else ""
 
 
 def _table(lines: Sequence[Sequence[str]]) -> list[str]:

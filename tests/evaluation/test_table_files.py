@@ -101,7 +101,7 @@ def test_one_scene_has_no_spread_and_says_null():
     assert figures["execution_s"] == {"mean": 10.0, "sd": None, "ci95": None}
 
 
-def test_scenes_that_were_not_planned_alone_have_no_planning_time():
+def test_scenes_that_were_not_timed_have_no_planning_time():
     some = dataclasses.replace(scores([2, 2, 2], [10.0, 10.0, 10.0]), planning_s=np.array([0.5, 0.7, np.nan]))
     row = Row("x", 2, LABELS, some)
     content = json.loads(results([row], ABOUT))["results"][0]
@@ -110,7 +110,7 @@ def test_scenes_that_were_not_planned_alone_have_no_planning_time():
     assert content["summary"]["planning_max_s"] == 0.7
     assert content["summary"]["figures"]["planning_s"]["mean"] == pytest.approx(0.6)
     assert content["summary"]["figures"]["total_s"]["mean"] == pytest.approx(10.6)
-    assert "x (the first 2 of 2 objects)" in markdown([row], ABOUT)
+    assert "with one scene at a time, for the first 2 scenes." in markdown([row], ABOUT)
     lines = {line["figure"]: line["scenes"] for line in csv.DictReader(io.StringIO(long_form([row])))}
     assert (lines["planning_s"], lines["execution_s"]) == ("2", "3")
 
