@@ -229,7 +229,7 @@ def test_two_planners_side_by_side(viewer, page):
     [
         (0, "mine.yaml", b"format: basenet-scene/1\nobjects: 7\n", "mine.yaml: objects: found 7"),
         (0, "robot.yaml", TEXT.replace("ur5e_mobile", "/etc/passwd").encode(), "a robot of your own is given by"),
-        (1, "plan.json", b"[]", "plan.json"),
+        (1, "plan.json", b"[]", "plan.json: content: found []"),
     ],
 )
 def test_a_bad_file_gets_a_message(viewer, page, which, name, content, message):
