@@ -35,6 +35,12 @@ def test_the_example_is_as_short_as_the_page_says():
     assert len([line for line in code.splitlines() if line.strip()]) <= 30
 
 
+@pytest.mark.parametrize("path", sorted((DOCS / "examples").glob("*.py")), ids=lambda path: path.stem)
+def test_the_page_shows_the_examples_that_run(path):
+    """Formatters have taken an included file's line for Python, and then it shows nothing and nobody objects."""
+    assert f'\n```{{.python}}\n--8<-- "docs/examples/{path.name}"\n```\n' in (DOCS / "extending.md").read_text()
+
+
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: path.stem)
 def test_every_page_is_in_the_navigation_and_every_picture_is_there(path):
     assert path.name in (ROOT / "mkdocs.yml").read_text()

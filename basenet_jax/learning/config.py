@@ -137,7 +137,7 @@ def make_preset(
 
     quick: all layers in a few minutes on two CPU cores; as few episodes have to do, its rate is higher than the paper's
     and the first of them park where the arm might reach (`SacConfig.guessed_iterations`).
-    default: good policies in under 40 minutes there.
+    default: good policies in about 20 minutes there.
     paper: the paper's training distribution (its five classes only), networks, rewards and rates for its two layers.
 
     What differs from the paper even there. Forced by float32 and Brax: rewards are divided by 1e6 (the temperature is
