@@ -50,7 +50,10 @@ def main(arguments: list[str] | None = None) -> int:
             return _fail(2, f"--{name}: found {value}, allowed are 1 to {most}")
     if not options.studies:
         return _fail(2, "--studies: found none, at least one of base-frame, baseline and attention is needed")
-    return _ablate(options, given)
+    try:
+        return _ablate(options, given)
+    except KeyboardInterrupt:  # outside training, which says more
+        return _fail(130, f"interrupted; --resume continues what {options.out} holds")
 
 
 def _ablate(options: Arguments, given: list[str]) -> int:

@@ -1,5 +1,6 @@
 """Trains all layers and says what they are worth: `python -m basenet_jax.train --objects 10`."""
 
+import shlex
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,7 +44,10 @@ def main(arguments: list[str] | None = None) -> int:
         return _fail(2, f"--objects: found {options.objects}, allowed are 1 to 50")
     if options.resume and options.run_dir is None:
         return _fail(2, "--resume: needs the run to continue, as --run-dir DIR")
-    return _train(options)
+    try:
+        return _train(options)
+    except KeyboardInterrupt:
+        return _fail(130, "interrupted before there was a run")
 
 
 def _train(options: Arguments) -> int:
@@ -83,14 +87,21 @@ def _train(options: Arguments) -> int:
             run.write_summary(summary)
             print_summary(summary)
     except Interrupted as interrupted:
-        command = f"python -m basenet_jax.train --objects {options.objects} --preset {options.preset}"
-        command += f" --seed {options.seed} --robot {options.robot} --layer {options.layer} --run-dir {path} --resume"
-        return _fail(130, f"{interrupted.layer}: interrupted; to resume:\n{command}")
+        return _fail(130, f"{interrupted.layer}: interrupted; to resume:\n{_resume_command(options, path)}")
+    except KeyboardInterrupt:  # between layers, or while evaluating
+        return _fail(130, f"interrupted; to resume:\n{_resume_command(options, path)}")
     except (CheckpointError, TrainingDiverged) as error:
         return _fail(1, str(error))
     except ValueError as error:
         return _fail(2, str(error))
     return 0
+
+
+def _resume_command(options: Arguments, path: Path) -> str:
+    command = f"python -m basenet_jax.train --objects {options.objects} --preset {options.preset}"
+    command += f" --seed {options.seed} --robot {shlex.quote(options.robot)} --layer {options.layer}"
+    command += "" if options.devices is None else f" --devices {options.devices}"
+    return f"{command} --run-dir {shlex.quote(str(path))} --resume"
 
 
 def _fail(code: int, message: str) -> int:

@@ -1,6 +1,8 @@
 """The train command: what it refuses, what it leaves behind, and that a killed run ends like one that wasn't."""
 
 import json
+import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -121,6 +123,30 @@ def test_a_run_killed_in_every_layer_and_resumed_ends_bit_for_bit_the_same(finis
     assert weights_of(run) == weights_of(reference)
     assert records_of(run) == records_of(reference)
     assert json.loads((run / "summary.json").read_text()) == json.loads((reference / "summary.json").read_text())
+
+
+def test_an_evaluation_that_is_interrupted_says_how_to_resume(capsys, monkeypatch, finished, tmp_path):
+    run = shutil.copytree(finished[0], tmp_path / "my run")
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("basenet_jax.evaluation.summary.summarise", interrupted)
+    code, out, err = call(capsys, *SIZES, "--run-dir", str(run), "--resume", "--devices", "1")
+    said, command = err.splitlines()[-2:]
+    assert (code, out, said) == (130, "", "basenet_jax.train: interrupted; to resume:")
+    assert command.startswith("python -m basenet_jax.train --objects 3 ")
+    assert shlex.split(command)[-5:] == ["--devices", "1", "--run-dir", str(run), "--resume"]
+
+
+def test_an_interruption_before_there_is_a_run_says_so(capsys, monkeypatch, tmp_path):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("basenet_jax.robot.reading.load_robot", interrupted)
+    code, _, err = call(capsys, *SIZES, "--run-dir", str(tmp_path / "run"))
+    assert (code, err) == (130, "basenet_jax.train: interrupted before there was a run\n")
+    assert not (tmp_path / "run").exists()
 
 
 def test_a_loss_that_is_no_number_stops_the_training_and_is_named(capsys, monkeypatch, tmp_path):
