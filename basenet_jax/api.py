@@ -96,7 +96,8 @@ def replan(
 ) -> Plan:
     """Plans what is left, from where the robot stands now: after each pick, and whenever something has changed.
 
-    Nothing is compiled again: the scene keeps its number of slots, and the plan's steps name the same ones.
+    The scene keeps its number of slots, and the plan's steps name the same ones, so most planners compile nothing
+    again; `dp` and `refined` do once for each number of objects that remain.
 
     Args:
         scene: as it is now, unbatched: objects that were moved are where they are now.

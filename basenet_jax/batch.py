@@ -53,14 +53,14 @@ def plan_batch(
     """Plans many scenes in one call: the learned planners in one program, the others one scene after the other.
 
     Args:
-        scenes: with one leading axis and one table for all.
+        scenes: with one leading axis, the table repeated along it and the same for all.
         planner: as for `make_plan`.
         robot: a packaged one's name, or a robot file.
         weights: as for `make_plan`.
         budget_s: likewise, for each scene.
         samples: likewise.
         key: split into one for each scene; by default `jax.random.key(0)`.
-        devices: so many share the scenes of the learned planners; by default all there are.
+        devices: so many share the scenes of the learned planners; by default all of this process.
 
     Returns:
         Plans with the same leading axis, which `execute` judges together with the scenes, given the robot.
@@ -76,7 +76,8 @@ def plan_batch(
     if not np.all(tables == tables[0]):
         raise ValueError("scenes: found several tables; plan the scenes of each table in a call of their own")
     first = NamedScene(jax.tree.map(lambda x: x[0], scenes), names=(), robot=robot)
-    _, made = api.planner_for(first, planner, weights, budget_s, samples, use_devices(devices))
+    shared = use_devices(jax.local_device_count() if devices is None else devices)
+    _, made = api.planner_for(first, planner, weights, budget_s, samples, shared)
     return protocol.plan_batch(made, scenes, jax.random.key(0) if key is None else key)
 
 

@@ -169,6 +169,7 @@ class Training:
             "seed": config.seed,
             "objects": config.reinforce.objects,
             "robot": config.robot,
+            "base_pose_frame": config.sac.frame,
         }
 
 

@@ -4,6 +4,7 @@ Unlike the paper's, it shares a stop between all objects that are picked well fr
 slower picks; see `policies.stop_policy`.
 """
 
+import dataclasses
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
@@ -17,9 +18,9 @@ from jaxtyping import Bool, Float
 from basenet_jax.config import AlignedConfig, WorldConfig
 from basenet_jax.devices import Devices
 from basenet_jax.planners.aligned_stops import aligned_poses
-from basenet_jax.planners.candidates import Candidates, check_candidates, estimate_times
+from basenet_jax.planners.candidates import Candidates, check_candidates, estimate_times, join
 from basenet_jax.planners.optimistic import settle, stop_scenes
-from basenet_jax.planners.protocol import PlannerSetup
+from basenet_jax.planners.protocol import PlannerSetup, in_parts
 from basenet_jax.policies.stop_policy import StopGraph, StopPolicy, StopScene, stop_graph
 from basenet_jax.policies.stop_rollout import StopPlan, cheapest, choose_best, plans_of, play, sample
 from basenet_jax.policies.trained import load_stops
@@ -81,15 +82,12 @@ class BaSeNet:
 
     def plan_batch(self, scenes: Scene, key: Array) -> Plan:
         """Plans a batch of scenes in one program; see `BatchPlanner`."""
-        count, devices = len(scenes.mask), self._devices
-        size = min(-(-count // devices.count), _BATCH) * devices.count
-        keys, parts = jax.random.split(key, count), []
-        for start in range(0, count, size):
-            own = np.minimum(np.arange(start, start + size), count - 1)  # the last one is filled up with its last scene
-            batch = jax.tree.map(lambda x, own=own: x[own], (scenes, keys))
-            planned = _plan_apart(devices, self._program, self._made_for, batch[0], self._graph, batch[1])
-            parts.append(jax.tree.map(lambda x, start=start: x[: count - start], planned))
-        plan, complete = jax.tree.map(lambda *x: jnp.concatenate(x), *parts)
+        keys = jax.random.split(key, len(scenes.mask))
+
+        def plan_part(scenes: Scene, keys: Array) -> tuple[Plan, Array]:
+            return _plan_apart(self._devices, self._program, self._made_for, scenes, self._graph, keys)
+
+        plan, complete = in_parts(plan_part, scenes, keys, devices=self._devices, most=_BATCH)
         for index in np.flatnonzero(~np.asarray(complete)).tolist():
             scene, own_key = jax.tree.map(lambda x, index=index: x[index], (scenes, keys))
             anew = self._plan_everywhere(scene, own_key)
@@ -97,11 +95,21 @@ class BaSeNet:
         return plan
 
     def _plan_everywhere(self, scene: Scene, key: Array) -> Plan:
-        """A plan over the aligned stops and the grid's poses, all checked in full."""
+        """A plan over the aligned stops, checked in full, and the grid's poses where these serve what the stops don't.
+
+        The drives between all of them are millions, which are costed for nothing where the grid doesn't help.
+        """
         setup = self._setup
-        poses = jnp.concatenate([self._graph.poses, jnp.asarray(setup.grid_poses)])
-        candidates = check_candidates(setup.robot, scene, poses, setup.world, pairs_at_once=_PAIRS)
-        return _plan_checked(self._program, self._made_for, scene, candidates, self._graph_of(poses), key)
+        aligned, grid = (
+            check_candidates(setup.robot, scene, poses, setup.world, pairs_at_once=_PAIRS)
+            for poses in (self._graph.poses, setup.grid_poses)
+        )
+        both, missed = join(aligned, grid), ~jnp.any(aligned.serves, axis=0)
+        if bool(jnp.any(grid.serves & missed)):
+            candidates, graph = both, self._graph_of(both.base_pose)
+        else:
+            candidates, graph = dataclasses.replace(aligned, reason=both.reason), self._graph
+        return _plan_checked(self._program, self._made_for, scene, candidates, graph, key)
 
     def _graph_of(self, poses: Float[Array, "K 3"]) -> StopGraph:
         setup = self._setup

@@ -1,18 +1,19 @@
 """The paper's planner: the learned grasp sequence with the learned base poses, in one greedy rollout."""
 
 import jax
-import numpy as np
 from jax import Array
 
 from basenet_jax.config import WorldConfig
 from basenet_jax.devices import ONE_DEVICE, Devices
-from basenet_jax.planners.protocol import PlannerSetup
+from basenet_jax.planners.protocol import PlannerSetup, in_parts
 from basenet_jax.policies.grasp_sequence import GraspSequencePolicy
 from basenet_jax.policies.pickup import as_plan, choose_learned, rollout
 from basenet_jax.policies.trained import Weights, load_policies
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.plan import Plan
 from basenet_jax.world.scene import Scene
+
+_BATCH = 1024  # scenes of one call of the compiled program on each device; more go in several calls
 
 
 class BaSeNetPaper:
@@ -33,12 +34,12 @@ class BaSeNetPaper:
 
     def plan_batch(self, scenes: Scene, key: Array) -> Plan:
         """See `BatchPlanner`; the key is ignored."""
-        count = len(scenes.mask)
-        if count % self._devices.count:  # filled up with the last scene
-            rows = np.minimum(np.arange(count + -count % self._devices.count), count - 1)
-            scenes = jax.tree.map(lambda x: x[rows], scenes)
-        plans = _plan(self._robot, self._weights, scenes, key, self._world, self._devices)
-        return jax.tree.map(lambda x: x[:count], plans)
+
+        def plan_part(scenes: Scene, _: Array) -> Plan:
+            return _plan(self._robot, self._weights, scenes, key, self._world, self._devices)
+
+        keys = jax.random.split(key, len(scenes.mask))
+        return in_parts(plan_part, scenes, keys, devices=self._devices, most=_BATCH)
 
 
 @jax.jit(static_argnames=("world", "devices"))

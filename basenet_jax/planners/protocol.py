@@ -1,10 +1,11 @@
 """What every planner has in common."""
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Protocol, TypeVar, runtime_checkable
 
 import jax
 import jax.numpy as jnp
@@ -19,6 +20,8 @@ from basenet_jax.robot.model import Robot
 from basenet_jax.robot.reading import load_robot
 from basenet_jax.task.plan import Plan
 from basenet_jax.world.scene import Scene, Table
+
+Tree = TypeVar("Tree")
 
 
 class Planner(Protocol):
@@ -73,6 +76,31 @@ def plan_batch(planner: Planner, scenes: Scene, key: Array) -> Plan:
     keys = jax.random.split(key, len(scenes.mask))
     plans = [planner(*jax.tree.map(lambda x, i=i: x[i], (scenes, keys))) for i in range(len(keys))]
     return jax.tree.map(lambda *x: jnp.stack(x), *plans)
+
+
+def in_parts(plan: Callable[[Scene, Array], Tree], scenes: Scene, keys: Array, *, devices: Devices, most: int) -> Tree:
+    """What a compiled program makes of a batch, called with parts of one size.
+
+    Sizes grow fourfold, so that few of them are ever compiled. The last part is filled up with scenes without objects,
+    which cost next to nothing.
+
+    Args:
+        plan: of scenes and their keys; what it returns are batches.
+        scenes: with one leading axis.
+        keys: one for each scene.
+        devices: that share a part.
+        most: scenes of a part on each device.
+    """
+    count, size = len(scenes.mask), 1
+    while size < min(most, -(-count // devices.count)):
+        size = min(4 * size, most)
+    size, parts = size * devices.count, []
+    for start in range(0, count, size):
+        rows = np.arange(start, start + size)
+        own, own_keys = jax.tree.map(lambda x, rows=rows: x[np.minimum(rows, count - 1)], (scenes, keys))
+        own = dataclasses.replace(own, mask=own.mask & (rows < count)[:, None])
+        parts.append(jax.tree.map(lambda x, start=start: x[: count - start], plan(own, own_keys)))
+    return jax.tree.map(lambda *x: jnp.concatenate(x), *parts)
 
 
 class PlanningError(ValueError):

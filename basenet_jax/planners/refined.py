@@ -53,17 +53,19 @@ class Refined:
         """
         self._setup = setup
         self._refinement = refinement
-        self._compiled: set[int] = set()  # numbers of slots for which all that a budget is spent on was compiled
+        self._compiled: set[tuple[int, int]] = set()  # slots and served objects that a budget was spent on before
         self._aligned = jax.device_put(aligned_poses(setup.robot, setup.table, aligned, setup.world.pick))
 
     def __call__(self, scene: Scene, key: Array) -> Plan:
         """See `Planner`."""
-        begin, took = time.perf_counter(), 0.0
+        begin = time.perf_counter()
         plans = self.improving_plans(scene, key)
         plan = next(plans)
-        if self._setup.budget_s and len(scene.mask) not in self._compiled:
+        took, shape = time.perf_counter() - begin, (len(scene.mask), int(np.sum(plan.served)))
+        if self._setup.budget_s and shape not in self._compiled:
             plan = next(plans)  # compiles what further rounds need, which by itself may take longer than the budget
-            self._compiled.add(len(scene.mask))
+            self._compiled.add(shape)
+            took = 0.0  # what compiled says nothing of the next round
         # Another round is begun if it ends in time, should it take as long as the last one.
         while (start := time.perf_counter()) + took < begin + self._setup.budget_s:
             plan = next(plans)

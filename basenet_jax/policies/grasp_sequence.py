@@ -41,6 +41,7 @@ class GraspSequencePolicy(nn.Module):
             robot_pose: (x, y, heading) of the base in W.
             remaining: objects yet to be grasped.
         """
+        grasps = jnp.where(remaining[..., None], grasps, 0.0)  # what stands in other slots, NaN included, has no part
         nodes = FirstLayer(self.features, self.attention)(
             object_features(grasps), robot_features(robot_pose), remaining
         )

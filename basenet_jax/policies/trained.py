@@ -1,5 +1,6 @@
 """Trained policies: all layers as one pytree, from a run's weights file or those shipped with the package."""
 
+import dataclasses
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -41,7 +42,8 @@ def load_policies(path: Path | None = None, robot: str = DEFAULT_ROBOT) -> Weigh
     if path is not None:
         weights, metadata = load_weights(path, like)
         _check_robot(str(path), metadata, robot)
-        return weights
+        frame = metadata.get("base_pose_frame", "object")  # older files are all of the object's
+        return weights._replace(base_pose=dataclasses.replace(weights.base_pose, frame=frame))
     with as_file(files("basenet_jax.policies") / "weights" / PACKAGED) as packaged:
         weights, metadata = load_weights(packaged, like)
         _check_robot("the weights shipped with the package", metadata, robot)

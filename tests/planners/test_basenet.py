@@ -133,6 +133,14 @@ def test_what_nothing_can_serve_comes_last_with_its_reason(greedy, setup, scenes
     assert int(judge(setup.robot, scene, plan).grasped) == 4
 
 
+def test_drives_from_the_grid_are_costed_only_where_it_helps(greedy, scenes, hopeless, monkeypatch):
+    def unwanted(*_):
+        raise AssertionError("costed")
+
+    monkeypatch.setattr(greedy, "_graph_of", unwanted)
+    assert int(np.sum(greedy(hopeless(scenes[0], [1, 4]), KEY).served)) == 4
+
+
 def test_nothing_at_all_can_be_served(greedy, setup, scenes, hopeless):
     scene = hopeless(scenes[0], range(6))
     plan = greedy(scene, KEY)

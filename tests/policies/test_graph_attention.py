@@ -38,9 +38,10 @@ def test_permuting_the_objects_permutes_the_logits(network, seed):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_what_stands_in_padded_slots_changes_nothing(network, seed):
+@pytest.mark.parametrize("value", [1e3, jnp.nan, jnp.inf])
+def test_what_stands_in_padded_slots_changes_nothing(network, seed, value):
     grasps, robot_pose, mask = draw_state(seed)
-    junk = jnp.where(mask[:, None], grasps, 1e3)
+    junk = jnp.where(mask[:, None], grasps, value)
     np.testing.assert_allclose(network(junk, robot_pose, mask), network(grasps, robot_pose, mask), atol=ROUNDING)
 
 

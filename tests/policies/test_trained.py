@@ -33,3 +33,11 @@ def test_another_layers_weights_are_refused(packaged, tmp_path):
     save_weights(tmp_path / "sequence.weights", packaged.sequence, {"robot": "ur5e_mobile"})
     with pytest.raises(ValueError, match=r"sequence\.weights: .*missing"):
         load_stops(tmp_path / "sequence.weights")
+
+
+def test_base_poses_learned_in_the_tables_frame_are_read_as_such(packaged, tmp_path):
+    file, metadata = tmp_path / "basenet.weights", {"robot": "ur5e_mobile"}
+    save_weights(file, packaged, metadata | {"base_pose_frame": "table"})
+    assert load_policies(file).base_pose.frame == "table"
+    save_weights(file, packaged, metadata)
+    assert load_policies(file).base_pose.frame == "object"
