@@ -22,11 +22,12 @@ class Answer:
     base_pose: Float[np.ndarray, "3"]  # (x, y, heading) in W
     names: tuple[str, ...]
     times: tuple[float | None, ...]  # s of each object's pick cycle; None: it can't be picked
-    reasons: tuple[Reason, ...]  # why not; NONE where it can
+    # Why not; NONE where it can. Where nothing can be picked at any heading tried: the rule reached farthest over them.
+    reasons: tuple[Reason, ...]
 
     @property
     def collides(self) -> bool:
-        """Whether the base touches the table or its margin, whichever way it is turned."""
+        """Whether the base touches the table or its margin at every heading that was tried."""
         return Reason.BASE_COLLIDES in self.reasons
 
     @property
@@ -38,20 +39,24 @@ class Answer:
 def ask(scene: NamedScene, place: tuple[float, float], config: GridConfig = GridConfig()) -> Answer:
     """What can be picked from (x, y) on the floor, with the heading from which most can be, in least time.
 
+    Where nothing can be, the heading is the first that doesn't collide with the table, if there is one.
+
     Args:
         scene: padded; the same number of slots is compiled once.
         place: m, in W.
         config: how many headings are tried.
     """
     poses, picks = jax.device_get(_pick_all(load_robot(scene.robot), scene.arrays, np.array(place), config.turns))
-    feasible = picks.feasible & scene.arrays.mask
-    order = np.lexsort((np.sum(picks.time * feasible, axis=1), -np.sum(feasible, axis=1)))
-    best, slots = int(order[0]), range(len(scene.names))
+    feasible, slots = picks.feasible & scene.arrays.mask, range(len(scene.names))
+    collides = np.all(picks.reason == Reason.BASE_COLLIDES, axis=1)  # a rule of the pose alone, whatever is picked
+    order = np.lexsort((np.sum(picks.time * feasible, axis=1), collides, -np.sum(feasible, axis=1)))
+    best = int(order[0])
+    reason = picks.reason[best] if np.any(feasible) else np.max(picks.reason, axis=0)
     return Answer(
         base_pose=np.asarray(poses[best], float),
         names=scene.names,
         times=tuple(float(picks.time[best, slot]) if feasible[best, slot] else None for slot in slots),
-        reasons=tuple(Reason(int(picks.reason[best, slot])) for slot in slots),
+        reasons=tuple(Reason(int(reason[slot])) for slot in slots),
     )
 
 

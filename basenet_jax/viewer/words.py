@@ -77,7 +77,7 @@ def answer(found: Answer) -> str:
     x, y, heading = found.base_pose
     where = f"From ({x:.2f}, {y:.2f}) m"
     if found.collides:
-        return paragraph(f"{where} nothing: the base would touch the table or its margin.")
+        return paragraph(f"{where} nothing: at every heading tried the base would touch the table or its margin.")
     turned = f"{np.degrees(heading):.0f}°"
     rows = "".join(
         f'<tr><td style="padding-right:10px">{escape(name)}</td>'
@@ -85,7 +85,8 @@ def answer(found: Answer) -> str:
         f"{f'{time:.1f} s' if time is not None else REASONS[reason]}</td></tr>"
         for name, time, reason in zip(found.names, found.times, found.reasons, strict=True)
     )
-    head = f"{where}, heading {turned}, the best of those tried: {found.count} of {len(found.names)} objects."
+    best = f"{where}, heading {turned}, the best of those tried: {found.count} of {len(found.names)} objects."
+    head = best if found.count else f"{where} nothing, at any heading tried:"
     return paragraph(head) + f'<table style="{_SMALL};border-collapse:separate">{rows}</table>'
 
 

@@ -1,3 +1,4 @@
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,19 @@ def test_far_away_nothing_is_in_reach(scene):
 
 def test_at_the_table_there_is_no_room(scene):
     assert ask(scene, (0.0, -0.45)).collides
+
+
+def test_where_one_heading_collides_and_nothing_can_be_picked_the_others_are_heard(scene):
+    """Beside the table's short end the base has room lengthwise, not crosswise."""
+    grasp = np.array(scene.arrays.object_grasp)
+    grasp[:, 1] += 5.0  # m: higher than any arm reaches
+    high = dataclasses.replace(scene, arrays=dataclasses.replace(scene.arrays, object_grasp=grasp))
+    answer = ask(high, (1.4, 0.0))
+    assert pick((1.4, 0.0, 0.0), np.asarray(high.arrays.grasps[0], float)).reason == "base_collides"
+    assert (answer.count, answer.collides) == (0, False)
+    assert answer.reasons == (Reason.OUT_OF_REACH, Reason.OUT_OF_REACH)
+    shown = pick(tuple(answer.base_pose), np.asarray(high.arrays.grasps[0], float))
+    assert shown.reason == "out_of_reach", "the pose that is drawn collides"
 
 
 def test_another_scene_with_as_many_slots_compiles_nothing(scene):

@@ -61,6 +61,14 @@ def test_where_the_base_collides_that_is_all_there_is_to_say():
     assert "mug_1" not in words.answer(answer)
 
 
+def test_where_nothing_can_be_picked_no_heading_is_called_the_best():
+    answer = Answer(np.array([3.0, 3.0, 0.5]), ("mug_1",), (None,), (Reason.OUT_OF_REACH,))
+    text = words.answer(answer)
+    assert "heading 29°" not in text
+    assert "nothing, at any heading tried" in text
+    assert words.REASONS[Reason.OUT_OF_REACH] in text
+
+
 def test_every_reason_has_words():
     assert set(words.REASONS) == set(Reason) - {Reason.NONE}
 
