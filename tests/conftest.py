@@ -8,8 +8,7 @@ import pytest
 from basenet_jax.robot.reading import load_robot
 from basenet_jax.world.scene import Table
 
-jax.config.update("jax_compilation_cache_dir", str(Path(__file__).parents[1] / ".jax_cache"))
-jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.3)
+pytest_plugins = ["tests.compilations"]
 
 # The first example compiles, so it takes far longer than the others.
 hypothesis.settings.register_profile("compiling", deadline=None)
