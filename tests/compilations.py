@@ -8,7 +8,7 @@ import resource
 import sys
 import threading
 import time
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
@@ -54,17 +54,18 @@ class Compilations:
     def _began(self, event: str, value: float, **_: Any) -> None:
         if event == COMPILED:
             self._own.found, self._own.cpu_s = False, time.process_time()
+        elif event in BEFORE:
+            self._own.depth = getattr(self._own, "depth", 0) + 1
 
-    def _ended(self, event: str, start: float, end: float, **about: Any) -> None:
+    def _ended(self, event: str, start_time: float, end_time: float, **about: Any) -> None:
         if event == COMPILED:
             cpu_s = time.process_time() - self._own.cpu_s
-            self.all.append(Compilation(str(about["fun_name"]), self._file, end - start, cpu_s, self._own.found))
+            wall_s = end_time - start_time
+            self.all.append(Compilation(str(about["fun_name"]), self._file, wall_s, cpu_s, self._own.found))
         elif event in BEFORE:
-            # A function that is traced inside another's ends first; only the outer one counts.
-            spans = getattr(self._own, "spans", [])
-            inner = [span for span in spans if span[0] >= start]
-            self._own.spans = [*spans[len(spans) - len(inner) - 3 : len(spans) - len(inner)], (start, end)]
-            self.traced_s += (end - start) - sum(end - start for start, end in inner)
+            self._own.depth -= 1
+            if not self._own.depth:  # a function that is traced inside another's is part of that one's time
+                self.traced_s += end_time - start_time
 
     def pytest_runtest_logstart(self, nodeid: str) -> None:
         """Remembers which file's tests run."""
@@ -96,13 +97,11 @@ class Compilations:
         terminalreporter.line(
             f"traced and lowered: {self.traced_s:.0f} s; memory of the largest process: {self.most_memory_gb:.1f} GB"
         )
-        cpu_s, times = Counter[tuple[str, str]](), Counter[tuple[str, str]]()
+        alike = defaultdict[tuple[str, str], list[float]](list)
         for each in compiled:
-            cpu_s[each.program, each.file] += each.cpu_s
-            times[each.program, each.file] += 1
-        for key, seconds in cpu_s.most_common(SHOWN):
-            program, file = key
-            terminalreporter.line(f"{seconds:7.1f} s of CPU, {times[key]:3} times: {program} in {file}")
+            alike[each.program, each.file].append(each.cpu_s)
+        for (program, file), cpu_s in sorted(alike.items(), key=lambda item: -sum(item[1]))[:SHOWN]:
+            terminalreporter.line(f"{sum(cpu_s):7.1f} s of CPU, {len(cpu_s):3} times: {program} in {file}")
 
 
 def _sum(compilations: Iterable[Compilation]) -> str:

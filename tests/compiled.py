@@ -1,0 +1,177 @@
+"""What many tests call of the package, compiled for one size each: whatever is asked is padded in NumPy.
+
+XLA takes seconds for each size of `pick`, `execute` and the planners' programs, which is most of what tests cost. So
+robots and tables are arguments, scenes have `SLOTS` slots (`mask` says which are used), and results come back as NumPy
+arrays of the size that was asked for.
+"""
+
+import dataclasses
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import numpy as np
+from numpy.typing import ArrayLike
+
+from basenet_jax.config import AlignedConfig, GridConfig, NavigationConfig, PickConfig, WorldConfig
+from basenet_jax.planners import candidates
+from basenet_jax.planners.candidates import Candidates
+from basenet_jax.planners.protocol import PlannerSetup
+from basenet_jax.robot import kinematics
+from basenet_jax.robot.model import Robot
+from basenet_jax.task import navigation, picking
+from basenet_jax.task import plan as judge
+from basenet_jax.task.picking import Pick
+from basenet_jax.task.plan import Outcome, Plan
+from basenet_jax.world import clearance, generate
+from basenet_jax.world.scene import Scene, Table
+
+SLOTS, BATCH = 6, 4
+ROWS = 256  # of picks, poses and states of the arm
+PAIRS = 2048  # of drives, which are cheap
+POSES = 1120  # of candidates: those of the coarse grid, so that planners on it use the same program
+
+GRID = GridConfig(step_m=0.2, turns=4)  # coarse
+ALIGNED = AlignedConfig(step_m=0.4)  # sparse: 88 stops
+
+_execute = jax.jit(judge.execute, static_argnames=("config", "arm_check"))
+_pick = jax.jit(picking.pick, static_argnames=("config", "arm_check"))
+_navigation_time = jax.jit(navigation.navigation_time, static_argnames="config")
+_base_collides = jax.jit(clearance.base_collides)
+_arm_collides = jax.jit(clearance.arm_collides)
+_forward_kinematics = jax.jit(kinematics.forward_kinematics)
+_draw_scene = jax.jit(generate.draw_scene, static_argnames=("slots", "config"))
+
+
+def by_rows(function: Callable[..., Any], *trees: Any, size: int = ROWS) -> Any:
+    """A compiled function of batches, given parts of one size; the last is filled up with rows from the beginning.
+
+    Args:
+        function: of the trees.
+        trees: of arrays with one common first axis, at least one row.
+        size: of the parts.
+    """
+    trees = jax.device_get(trees)
+    count = len(jax.tree.leaves(trees)[0])
+    rows = np.resize(np.arange(count), -(-count // size) * size)
+    parts = [
+        jax.device_get(function(*jax.tree.map(lambda x, some=some: np.asarray(x)[some], trees)))
+        for some in np.split(rows, len(rows) // size)
+    ]
+    return jax.tree.map(lambda *x: np.concatenate(x)[:count], *parts)
+
+
+def _flat(*arrays: ArrayLike) -> tuple[tuple[int, ...], list[np.ndarray]]:
+    """Arrays of vectors broadcast to one batch, which is returned too, as rows."""
+    batch = np.broadcast_shapes(*(np.shape(x)[:-1] for x in arrays))
+    return batch, [np.broadcast_to(x, (*batch, np.shape(x)[-1])).reshape(-1, np.shape(x)[-1]) for x in arrays]
+
+
+def _tables(table: Table, batch: tuple[int, ...]) -> Table:
+    """One for each row."""
+    half_size = np.broadcast_to(table.half_size, (*batch, 2)).reshape(-1, 2)
+    return Table(half_size, np.broadcast_to(table.height, batch).ravel())  # pyright: ignore[reportArgumentType]
+
+
+def _shaped(tree: Any, batch: tuple[int, ...]) -> Any:
+    return jax.tree.map(lambda x: x.reshape(*batch, *x.shape[1:]), tree)
+
+
+def pick(
+    robot: Robot,
+    base_pose: ArrayLike,
+    grasp: ArrayLike,
+    table: Table,
+    config: PickConfig = PickConfig(),
+    **options: Any,
+) -> Pick:
+    """`picking.pick` of any batch."""
+    batch, rows = _flat(base_pose, grasp)
+    call = functools.partial(_pick, robot, config=config, **more)
+    return _shaped(by_rows(call, *rows, _tables(table, batch)), batch)
+
+
+def navigation_time(
+    robot: Robot, start: ArrayLike, goal: ArrayLike, table: Table, config: NavigationConfig = NavigationConfig()
+) -> np.ndarray:
+    """`navigation.navigation_time` of any batch."""
+    batch, rows = _flat(start, goal)
+    call = functools.partial(_navigation_time, robot, config=config)
+    return _shaped(by_rows(call, *rows, _tables(table, batch), size=PAIRS), batch)
+
+
+def base_collides(robot: Robot, base_pose: ArrayLike, table: Table) -> np.ndarray:
+    """`clearance.base_collides` of any batch."""
+    batch, rows = _flat(base_pose)
+    return _shaped(by_rows(functools.partial(_base_collides, robot), *rows, _tables(table, batch), size=PAIRS), batch)
+
+
+def arm_collides(robot: Robot, base_pose: ArrayLike, joints: ArrayLike, table: Table) -> np.ndarray:
+    """`clearance.arm_collides` of any batch."""
+    batch, rows = _flat(base_pose, joints)
+    return _shaped(by_rows(functools.partial(_arm_collides, robot), *rows, _tables(table, batch)), batch)
+
+
+def forward_kinematics(robot: Robot, joints: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+    """`kinematics.forward_kinematics` of any batch."""
+    batch, rows = _flat(joints)
+    return _shaped(by_rows(functools.partial(_forward_kinematics, robot), *rows), batch)
+
+
+def execute(robot: Robot, scene: Scene, plan: Plan, world: WorldConfig = WorldConfig()) -> Outcome:
+    """The judge, of one scene or any batch."""
+    scene, plan = jax.device_get((scene, plan))
+    if single := scene.mask.ndim == 1:
+        scene, plan = jax.tree.map(lambda x: np.asarray(x)[None], (scene, plan))
+    slots = scene.mask.shape[1]
+    call = functools.partial(_execute, robot, config=world)
+    outcome = by_rows(call, with_slots(scene, max(slots, SLOTS)), _with_steps(plan, max(slots, SLOTS)), size=BATCH)
+    return jax.tree.map(lambda x: x[0, :slots] if single else x[:, :slots], outcome)
+
+
+def with_slots(scene: Scene, slots: int) -> Scene:
+    """Scenes with more or fewer slots; those left out must be empty, those added are, with numbers that make sense."""
+    scene = jax.device_get(scene)
+    assert not np.any(scene.mask[..., slots:]), "slots in use can't be left out"
+    which = np.minimum(np.arange(slots), scene.mask.shape[-1] - 1)
+    names = ("object_pose", "object_size", "object_grasp")
+    fields = {name: np.asarray(getattr(scene, name))[..., which, :] for name in names}
+    used = scene.mask[..., which] & (np.arange(slots) < scene.mask.shape[-1])
+    return dataclasses.replace(scene, **fields, object_class=scene.object_class[..., which], mask=used)
+
+
+def _with_steps(plan: Plan, slots: int) -> Plan:
+    missing = [(0, 0), (0, slots - plan.served.shape[1])]
+    return dataclasses.replace(
+        plan,
+        object_index=np.pad(plan.object_index, missing, constant_values=-1),
+        base_pose=np.pad(plan.base_pose, [*missing, (0, 0)], mode="edge"),
+        served=np.pad(plan.served, missing),
+        reason=np.pad(plan.reason, missing),
+    )
+
+
+def draw_scene(seed: int, count: int, table: Table, slots: int = SLOTS) -> Scene:
+    """A random scene of so many objects in so many slots, on the host; drawn in `SLOTS` where they are enough."""
+    scene, placed = jax.device_get(_draw_scene(jax.random.key(seed), count, table, slots=max(SLOTS, count)))
+    assert placed
+    return with_slots(scene, slots)
+
+
+def check_candidates(
+    robot: Robot, scene: Scene, base_pose: ArrayLike, world: WorldConfig = WorldConfig()
+) -> Candidates:
+    """`candidates.check_candidates` of any poses."""
+    poses = np.asarray(base_pose, np.float32)
+    count, slots = len(poses), scene.mask.shape[0]
+    rows = np.resize(np.arange(count), -(-count // POSES) * POSES)
+    wide = with_slots(scene, max(SLOTS, slots))
+    found = jax.device_get(candidates.check_candidates(robot, wide, poses[rows], world))
+    pairs = {name: getattr(found, name)[:count, :slots] for name in ("serves", "pick_time")}
+    return dataclasses.replace(found, base_pose=poses, **pairs, reason=found.reason[:slots])
+
+
+def make_setup(robot: Robot, **changes: Any) -> PlannerSetup:
+    """What the tests' planners are made for: the coarse grid."""
+    return PlannerSetup(robot=jax.device_put(robot), **{"grid": GRID, **changes})
