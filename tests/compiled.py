@@ -84,7 +84,7 @@ def pick(
     grasp: ArrayLike,
     table: Table,
     config: PickConfig = PickConfig(),
-    **options: Any,
+    **more: Any,
 ) -> Pick:
     """`picking.pick` of any batch."""
     batch, rows = _flat(base_pose, grasp)
