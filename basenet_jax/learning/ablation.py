@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import jax
 from jax import Array
@@ -18,6 +18,7 @@ from basenet_jax.learning.sac import Sac
 from basenet_jax.learning.training_loop import run_intervals
 from basenet_jax.policies.base_pose import BasePosePolicy
 from basenet_jax.robot.model import Robot
+from basenet_jax.settings import Range, Seed, Settings
 
 Study = Literal["base-frame", "baseline", "attention"]
 STUDIES: tuple[Study, ...] = ("base-frame", "baseline", "attention")
@@ -32,12 +33,12 @@ PAPERS_SEQUENCE = "paper's sequence"  # the run that is the paper's choice of bo
 
 
 @dataclass(frozen=True)
-class AblationConfig:
+class AblationConfig(Settings):
     """Everything that determines an ablation's result, but the base-pose policy under the sequence's studies."""
 
     preset: Preset = "quick"
-    seed: int = 0
-    seeds: int = 5  # trained side by side
+    seed: Seed = 0
+    seeds: Annotated[int, Range(1, 32)] = 5  # trained side by side
     robot: str = "ur5e_mobile"
     world: WorldConfig = field(default_factory=WorldConfig)
     sac: SacConfig = field(default_factory=SacConfig)

@@ -5,48 +5,79 @@ Sources: the BaSeNet paper (arXiv 2406.08653) where it says so; the rest are cho
 
 import dataclasses
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from basenet_jax.config import WorldConfig
+from basenet_jax.config import MAX_OBJECTS, WorldConfig
+from basenet_jax.settings import Count, Finite, Natural, NotNegative, Positive, Range, Seed, Settings, Share
+
+_Objects = Annotated[int, Range(1, MAX_OBJECTS)]
+_Rate = Annotated[float, Range(0, 1, above=True)]
 
 
 @dataclass(frozen=True)
-class BasePoseRewardConfig:
+class BasePoseRewardConfig(Settings):
     """The base-pose policy's reward, the paper's gamma 1 to 4 divided by 1e6.
 
     The division changes neither the optimal policy nor, with the temperature learned, the trade-off with entropy;
     it keeps the critics' values near 1.
     """
 
-    collision: float = -0.2
-    success: float = 1.0
-    navigation: float = 0.5
-    grasping: float = 0.5
+    collision: Finite = -0.2
+    """For a base that collides."""
+    success: Finite = 1.0
+    """For an object that is grasped."""
+    navigation: Finite = 0.5
+    """For a short drive."""
+    grasping: Finite = 0.5
+    """For a short pick cycle."""
 
 
 @dataclass(frozen=True)
-class SacConfig:
+class SacConfig(Settings):
     """Soft Actor-Critic for the base pose; one iteration is a batch of fresh episodes and some updates."""
 
     frame: Literal["object", "table"] = "object"
-    own_class_share: float = 0.5  # of training objects with random size and grasp
-    hidden: tuple[int, ...] = (256, 256, 256)  # paper
-    learning_rate: float = 3e-4  # paper
-    final_learning_rate_share: float = 0.1  # reached at the last update, on a cosine
+    """In which base poses are predicted."""
+    own_class_share: Share = 0.5
+    """Of training objects with random size and grasp."""
+    hidden: tuple[Count, ...] = (256, 256, 256)
+    """Widths of the hidden layers (paper)."""
+    learning_rate: _Rate = 3e-4
+    """Of all networks (paper)."""
+    final_learning_rate_share: Share = 0.1
+    """Of the rate, reached at the last update, on a cosine."""
     reward: BasePoseRewardConfig = field(default_factory=BasePoseRewardConfig)
-    reward_scale: float = 10.0
-    target_entropy: float = -4.0  # nats, of the four action components
-    final_target_entropy: float = -8.0  # reached at the last iteration, in a straight line
-    initial_alpha: float = 0.1
-    guessed_iterations: int = 0  # the first ones, whose episodes park where the arm might reach: see BasePoseEnv.guess
-    episodes_per_iteration: int = 512
-    updates_per_iteration: int = 8
-    batch_size: int = 512
-    replay_size: int = 262_144
-    iterations_per_interval: int = 50
-    intervals: int = 20
-    evaluation_problems: int = 4_096
-    evaluation_seed: int = 1_000_003  # of the fixed problems
+    reward_scale: Positive = 10.0
+    """Of rewards as the critics see them."""
+    target_entropy: Finite = -4.0
+    """In nats, of the four action components."""
+    final_target_entropy: Finite = -8.0
+    """Reached at the last iteration, in a straight line."""
+    initial_alpha: Positive = 0.1
+    """The temperature at the start."""
+    guessed_iterations: Natural = 0
+    """The first ones, whose episodes park where the arm might reach: see BasePoseEnv.guess."""
+    episodes_per_iteration: Count = 512
+    """Drawn fresh in each iteration."""
+    updates_per_iteration: Count = 8
+    """Gradient steps of each network in an iteration."""
+    batch_size: Count = 512
+    """Of an update, from the replay buffer."""
+    replay_size: Count = 262_144
+    """Episodes that the replay buffer holds."""
+    iterations_per_interval: Count = 50
+    """Between two evaluations."""
+    intervals: Count = 20
+    """How long to train."""
+    evaluation_problems: Count = 4_096
+    """Fixed ones, planned after every interval."""
+    evaluation_seed: Seed = 1_000_003
+    """Of the fixed problems."""
+
+    def _check_together(self) -> None:
+        self._require(bool(self.hidden), "hidden", "are one width and more")
+        enough = self.replay_size >= self.episodes_per_iteration
+        self._require(enough, "replay_size", f"are episodes_per_iteration, {self.episodes_per_iteration}, and more")
 
     @property
     def batches(self) -> dict[str, int]:
@@ -55,26 +86,43 @@ class SacConfig:
 
 
 @dataclass(frozen=True)
-class ReinforceConfig:
+class ReinforceConfig(Settings):
     """REINFORCE with a greedy-rollout baseline for the grasp sequence."""
 
-    objects: int = 10  # training draws 1 to this many
-    own_class_share: float = 0.25  # of training objects with random size and grasp
-    features: int = 64  # paper
-    layers: int = 5  # paper
+    objects: _Objects = 10
+    """Training draws 1 to this many."""
+    own_class_share: Share = 0.25
+    """Of training objects with random size and grasp."""
+    features: Count = 64
+    """Of every node (paper)."""
+    layers: Count = 5
+    """Of graph attention (paper)."""
     attention: bool = True
+    """Attention coefficients; without, a plain sum over the other objects."""
     baseline: bool = True
-    learning_rate: float = 1e-3  # paper
-    final_learning_rate_share: float = 0.1  # reached at the last update, on a cosine
-    navigation_weight: float = 1e3  # the paper's gamma 5
-    failure_time_s: float = 15.0  # counted for every object not driven to
-    episodes_per_update: int = 512
-    updates_per_interval: int = 50
-    intervals: int = 20
-    test_episodes: int = 2_048  # for the paired t-test of the baseline
-    significance: float = 0.05
-    evaluation_scenes: int = 1_024
-    evaluation_seed: int = 1_000_033
+    """Subtract the time of the baseline's greedy rollout."""
+    learning_rate: _Rate = 1e-3
+    """Of the network (paper)."""
+    final_learning_rate_share: Share = 0.1
+    """Of the rate, reached at the last update, on a cosine."""
+    navigation_weight: Positive = 1e3
+    """The paper's gamma 5."""
+    failure_time_s: NotNegative = 15.0
+    """Counted for every object not driven to."""
+    episodes_per_update: Count = 512
+    """Sampled for each gradient step."""
+    updates_per_interval: Count = 50
+    """Between two evaluations."""
+    intervals: Count = 20
+    """How long to train."""
+    test_episodes: Annotated[int, Range(2, 1e9)] = 2_048
+    """For the paired t-test of the baseline."""
+    significance: Share = 0.05
+    """Of that test."""
+    evaluation_scenes: Count = 1_024
+    """Fixed ones, planned after every interval."""
+    evaluation_seed: Seed = 1_000_033
+    """Of the fixed scenes."""
 
     @property
     def batches(self) -> dict[str, int]:
@@ -83,27 +131,45 @@ class ReinforceConfig:
 
 
 @dataclass(frozen=True)
-class StopLearningConfig:
+class StopLearningConfig(Settings):
     """Imitation, then REINFORCE, of the stop policy."""
 
-    objects: int = 15  # training draws 1 to this many
-    own_class_share: float = 0.25  # of training objects with random size and grasp
-    features: int = 48
-    layers: int = 2
-    library_objects: int = 2_048  # each once more turned by pi
-    examples: int = 8_192  # searched plans to imitate, each also turned by pi
-    search_iterations: int = 60
-    imitation_intervals: int = 30  # the first so many
-    imitations_per_update: int = 128
-    problems_per_update: int = 16
-    samples: int = 8  # episodes of each problem
-    learning_rate: float = 2e-3
-    final_learning_rate_share: float = 0.02  # reached at the last update, on a cosine
-    largest_gradient: float = 1.0  # longer ones are shortened to this norm
-    updates_per_interval: int = 50
-    intervals: int = 36
-    evaluation_problems: int = 256
-    evaluation_seed: int = 1_000_037
+    objects: _Objects = 15
+    """Training draws 1 to this many."""
+    own_class_share: Share = 0.25
+    """Of training objects with random size and grasp."""
+    features: Count = 48
+    """Of every node."""
+    layers: Count = 2
+    """Of graph attention."""
+    library_objects: Count = 2_048
+    """Whose picks are timed once for all examples; each once more turned by pi."""
+    examples: Count = 8_192
+    """Searched plans to imitate, each also turned by pi."""
+    search_iterations: Count = 60
+    """Of the search for each example."""
+    imitation_intervals: Natural = 30
+    """The first so many; the others are REINFORCE's."""
+    imitations_per_update: Count = 128
+    """Examples of a gradient step."""
+    problems_per_update: Count = 16
+    """Of a gradient step of REINFORCE."""
+    samples: Annotated[int, Range(2, 1e9)] = 8
+    """Episodes of each problem, whose mean is each other's baseline."""
+    learning_rate: _Rate = 2e-3
+    """Of the network."""
+    final_learning_rate_share: Share = 0.02
+    """Of the rate, reached at the last update, on a cosine."""
+    largest_gradient: Positive = 1.0
+    """Longer ones are shortened to this norm."""
+    updates_per_interval: Count = 50
+    """Between two evaluations."""
+    intervals: Count = 36
+    """How long to train."""
+    evaluation_problems: Count = 256
+    """Fixed ones, planned after every interval."""
+    evaluation_seed: Seed = 1_000_037
+    """Of the fixed problems."""
 
     @property
     def batches(self) -> dict[str, int]:
@@ -115,19 +181,22 @@ Preset = Literal["quick", "default", "paper"]
 
 
 @dataclass(frozen=True)
-class TrainConfig:
+class TrainConfig(Settings):
     """Everything that determines a training's result."""
 
     preset: Preset = "default"
-    seed: int = 0
+    seed: Seed = 0
     robot: str = "ur5e_mobile"  # its name
     robot_digest: str | None = None  # of one that isn't packaged: a run goes on only with the robot it began with
     world: WorldConfig = field(default_factory=WorldConfig)
     sac: SacConfig = field(default_factory=SacConfig)
     reinforce: ReinforceConfig = field(default_factory=ReinforceConfig)
     stops: StopLearningConfig = field(default_factory=StopLearningConfig)
-    evaluation_objects: tuple[int, ...] = (5, 10)
-    evaluation_scenes: int = 50
+    evaluation_objects: tuple[_Objects, ...] = (5, 10)
+    evaluation_scenes: Count = 50
+
+    def _check_together(self) -> None:
+        self._require(bool(self.evaluation_objects), "evaluation_objects", "are one number and more")
 
 
 def make_preset(

@@ -7,12 +7,10 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Bool, Float, Int, PRNGKeyArray
 
-from basenet_jax.config import SceneConfig
+from basenet_jax.config import PLACES_AT_ONCE, SceneConfig
 from basenet_jax.robot.model import Robot
 from basenet_jax.world.clearance import base_collides
 from basenet_jax.world.scene import MAX_OBJECTS, OBJECT_CLASSES, Scene, Table, world_grasp
-
-_TRIES_AT_ONCE = 32
 
 # Sizes, grasps of objects that are of no class, drawn in training so that policies serve users' own objects:
 # lower and upper bounds of size x, y, z and grasp x, z, yaw, wider than the five classes'.
@@ -133,13 +131,13 @@ def _place(
         def try_some(state):
             attempt, _, _ = state
             spots = jax.random.uniform(
-                jax.random.fold_in(key, attempt), (_TRIES_AT_ONCE, 2), minval=-limit, maxval=limit
+                jax.random.fold_in(key, attempt), (PLACES_AT_ONCE, 2), minval=-limit, maxval=limit
             )
             distance = jnp.linalg.norm(spots[:, None] - position[None], axis=-1)
             fits = jnp.all(distance >= gap, axis=-1)
             return attempt + 1, spots[jnp.argmax(fits)], jnp.any(fits)
 
-        rounds = config.tries // _TRIES_AT_ONCE
+        rounds = config.tries // PLACES_AT_ONCE
         start = (0, jnp.zeros(2), ~wanted[index])
         _, spot, found = jax.lax.while_loop(lambda s: ~s[2] & (s[0] < rounds), try_some, start)
         return (position.at[index].set(spot), placed.at[index].set(wanted[index])), found
@@ -159,7 +157,7 @@ def _draw_start(key: PRNGKeyArray, config: SceneConfig) -> Float[Array, "3"]:
 
 def _draw_clear_pose(key: PRNGKeyArray, robot: Robot, table: Table) -> Float[Array, "3"]:
     """A collision-free base pose; the chance that none of the tries is free is below 1e-12."""
-    uniform = jax.random.uniform(key, (_TRIES_AT_ONCE + 1, 3))
+    uniform = jax.random.uniform(key, (PLACES_AT_ONCE + 1, 3))
     tries, in_box = uniform[1:], uniform[0, 0] < 0.5
     box = (2.0 * tries[:, :2] - 1.0) * jnp.array([2.0, 1.5])
     radius, angle = 3.0 * jnp.sqrt(tries[:, 0]), 2.0 * jnp.pi * tries[:, 1]

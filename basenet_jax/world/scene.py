@@ -8,10 +8,9 @@ from flax import struct
 from jax import Array
 from jaxtyping import Bool, Float, Int
 
+from basenet_jax.config import MAX_OBJECTS as MAX_OBJECTS
 from basenet_jax.config import TableConfig
 from basenet_jax.trigonometry import sin_cos
-
-MAX_OBJECTS = 50
 
 
 @dataclass(frozen=True)

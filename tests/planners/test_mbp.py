@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from basenet_jax.config import NavigationConfig, TableConfig
+from basenet_jax.config import NavigationConfig
 from basenet_jax.planners.candidates import Candidates, check_candidates
 from basenet_jax.planners.map_store import MapStore
 from basenet_jax.planners.mbp import Mbp, nearest_stops, picks_at_stops
@@ -190,7 +190,7 @@ def test_empty_slots_change_nothing(mbp, random_scene, padded):
 
 
 def test_a_table_that_fills_the_grid_leaves_nothing_to_choose(setup, random_scene):
-    huge = Table.from_config(TableConfig(length_m=6.0, width_m=6.0))
+    huge = Table(half_size=jnp.array([3.0, 3.0]), height=jnp.array(0.75))
     scene = dataclasses.replace(random_scene(5, count=5), table=huge)
     plan = Mbp(setup.with_table(huge), checked=False)(scene, KEY)
     assert not np.any(plan.served)

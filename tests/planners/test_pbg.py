@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from basenet_jax.config import NavigationConfig, TableConfig
+from basenet_jax.config import NavigationConfig
 from basenet_jax.planners.candidates import Candidates, check_candidates
 from basenet_jax.planners.map_store import MapStore
 from basenet_jax.planners.pbg import Pbg, nearest_first
@@ -143,7 +143,7 @@ def test_empty_slots_change_nothing(pbg, random_scene, padded):
 
 
 def test_a_table_that_fills_the_grid_leaves_nothing_to_choose(setup, random_scene):
-    huge = Table.from_config(TableConfig(length_m=6.0, width_m=6.0))
+    huge = Table(half_size=jnp.array([3.0, 3.0]), height=jnp.array(0.75))
     scene = dataclasses.replace(random_scene(4, count=5), table=huge)
     plan = Pbg(setup.with_table(huge), checked=False)(scene, KEY)
     assert not np.any(plan.served)
