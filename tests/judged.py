@@ -8,8 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from basenet_jax.robot.reading import load_robot
-from basenet_jax.task.plan import Outcome, Plan, execute
+from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.world.scene import Scene, Table
+from tests import compiled
 
 GOOD = np.array([0.35, -0.9, 0.05], np.float32)  # every object can be picked from here
 
@@ -42,8 +43,8 @@ def plans() -> Plan:
 @functools.cache
 def outcomes() -> Outcome:
     """What executing the plans comes to: everything is grasped."""
-    judged = jax.jit(execute)(load_robot(), scenes(), plans())
-    assert bool(jnp.all(judged.feasible)), "the scenes are not what these tests need"
+    judged = compiled.execute(load_robot(), scenes(), plans())
+    assert np.all(judged.feasible), "the scenes are not what these tests need"
     return judged
 
 

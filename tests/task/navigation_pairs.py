@@ -1,11 +1,9 @@
 """Pairs of base poses to navigate between, and the package's times for them."""
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from basenet_jax.config import NavigationConfig
-from basenet_jax.task.navigation import navigation_time
+from tests import compiled
 from tests.oracles import navigation as oracle
 
 # In float32 a direction is known to about 5e-7 rad: coordinates of 3 m are rounded by 1.2e-7 m, the arctangent errs by
@@ -16,16 +14,11 @@ ROUNDING = 1e-6  # m: a way that passes the grown table this near may be decided
 HALF = np.array([1.0, 0.4])
 
 PAIRS = 2000
-compiled = jax.jit(navigation_time, static_argnames="config")
 
 
 def navigate(robot, table, starts, goals, config=NavigationConfig()):
-    """Times of up to 2,000 pairs, always in a batch of one size, so that one compilation serves all tests."""
-    starts, goals = np.broadcast_arrays(np.atleast_2d(starts), np.atleast_2d(goals))
-    rows = np.minimum(np.arange(PAIRS), len(starts) - 1)
-    return np.asarray(compiled(robot, jnp.asarray(starts[rows]), jnp.asarray(goals[rows]), table, config=config))[
-        : len(starts)
-    ]
+    """Times of pairs."""
+    return compiled.navigation_time(robot, np.atleast_2d(starts), np.atleast_2d(goals), table, config)
 
 
 def rounded(poses):

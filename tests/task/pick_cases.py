@@ -3,21 +3,20 @@
 import math
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
 from basenet_jax.config import PickConfig
-from basenet_jax.task.picking import Pick, Reason, pick
+from basenet_jax.task.picking import Pick, Reason
 from basenet_jax.world.scene import Table
+from tests import compiled
 from tests.oracles import picking as oracle
 
 # A duration is a sum of joint moves over 0.1 rad and more; T's slope there is at most 1 / sqrt(1.4 * 0.1) = 2.7 s/rad
 # and float32 joints err by about 1e-6 rad: 1e-5 s. Near a stretched or folded elbow an angle is the root of a length
 # known to 1e-7, and errs by 3e-4 rad: 1e-3 s. (T's infinite slope at 0 never counts: the slowest joint's move does.)
 FLOAT32_BOUND, FLOAT32_MEDIAN = 1e-3, 1e-5  # s
-BATCH = 256
 
 # Size and grasp (x, z, yaw) of the five classes.
 CLASSES = (
@@ -94,18 +93,9 @@ def tables(height):
     return Table(half_size=half_size, height=jnp.asarray(height, half_size.dtype))
 
 
-compiled = jax.jit(pick, static_argnames=("config", "arm_check"))
-
-
 def judge(robot, picks: Cases, config=PickConfig()) -> Pick:
-    """The package's verdicts, computed in batches of one size, so that one compilation serves all tests."""
-    count, dtype = len(picks.grasp), jnp.zeros(0).dtype
-    rows = np.resize(np.arange(count), -(-count // BATCH) * BATCH)
-    results = []
-    for first in range(0, len(rows), BATCH):
-        base_pose, grasp, height = (jnp.asarray(part[rows[first : first + BATCH]], dtype) for part in picks)
-        results.append(compiled(robot, base_pose, grasp, tables(height), config=config))
-    return jax.tree.map(lambda *parts: np.concatenate(parts)[:count], *results)
+    """The package's verdicts."""
+    return compiled.pick(robot, picks.base_pose, picks.grasp, tables(picks.height), config)
 
 
 def _world(picks: Cases, index, **world) -> oracle.World:

@@ -26,6 +26,7 @@ def solutions(robot, picks, result):
         return {size: jax.device_get(solved(size)) for size in (5, 13)}
 
 
+@pytest.mark.slow
 def test_rounds_do_not_matter(solutions):
     few, all_at_once = solutions[5], solutions[13]
     assert few.estimate.shape == (2 * CONFIG.lattice_kept, 13)

@@ -14,7 +14,7 @@ from basenet_jax.config import NavigationConfig
 from basenet_jax.robot.timing import trapezoid_duration
 from basenet_jax.task.navigation import navigation_path, navigation_time
 from basenet_jax.world.scene import Table
-from tests.task.navigation_pairs import FLOAT32_BOUND, compiled, navigate, on_the_edge, sample_pairs
+from tests.task.navigation_pairs import FLOAT32_BOUND, navigate, on_the_edge, sample_pairs
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +62,7 @@ def test_never_faster_than_straight(robot, table, pairs, times):
 def test_batches_broadcast(robot, table, pairs, times):
     starts, goals = (jnp.asarray(ends[:3], jnp.float32) for ends in pairs)
     grown = Table(half_size=jnp.tile(table.half_size, (3, 1, 1)), height=jnp.full((3, 1), table.height))
-    every = compiled(robot, starts[:, None], goals[None], grown)
+    every = jax.jit(navigation_time)(robot, starts[:, None], goals[None], grown)
     assert every.shape == (3, 3)
     # The compiler contracts multiplications and additions differently for different shapes: equal but for rounding.
     np.testing.assert_allclose(np.diag(every), times[:3], atol=FLOAT32_BOUND)

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from basenet_jax.task.picking import Reason
-from basenet_jax.task.plan import Outcome, Plan, execute
+from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.task.plan_file import PlanFileError, load_plan, save_plan
 from basenet_jax.world.naming import name_objects
 from basenet_jax.world.scene import Scene, Table
+from tests import compiled
 
 ABOUT = {"planner": "dp", "planning_time_s": 0.1234567890123, "compile_time_s": 2.0}
 
@@ -48,7 +49,7 @@ def plan():
 
 @pytest.fixture(scope="module")
 def outcome(robot, scene, plan):
-    return jax.jit(execute)(robot, scene.arrays, plan)
+    return compiled.execute(robot, scene.arrays, plan)
 
 
 @pytest.fixture
@@ -95,7 +96,7 @@ def test_the_plan_comes_back(path, scene, plan):
 
 
 def test_infinite_numbers_are_not_written(tmp_path, scene, plan, outcome):
-    wrong = dataclasses.replace(outcome, pick_time=outcome.pick_time.at[0].set(jnp.nan))
+    wrong = dataclasses.replace(outcome, pick_time=np.where(np.arange(5) == 0, np.nan, outcome.pick_time))
     with pytest.raises(ValueError, match="finite"):
         save_plan(tmp_path / "plan.json", scene, plan, wrong, **ABOUT)
     assert not list(tmp_path.iterdir())
