@@ -49,8 +49,8 @@ class NavigationConfig(Settings):
 class PickConfig(Settings):
     """The pick cycle, and when it is feasible."""
 
-    pregrasp_height_m: Annotated[float, Range(0, 1, above=True)] = 0.10
-    """Of the pre-grasp above the grasp."""
+    pregrasp_height_m: Annotated[float, Range(0, 1)] = 0.10
+    """Of the pre-grasp above the grasp; maps of what is in reach are made with 0."""
     descent_heights_m: tuple[Positive, ...] = (0.075, 0.05, 0.025)
     """Above the grasp, falling: what is checked between pre-grasp and grasp."""
     close_s: NotNegative = 1.0
