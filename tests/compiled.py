@@ -30,7 +30,8 @@ from basenet_jax.world.scene import Scene, Table
 SLOTS, BATCH = 6, 4
 ROWS = 256  # of picks, poses and states of the arm
 PAIRS = 2048  # of drives, which are cheap
-POSES = 1120  # of candidates: those of the coarse grid, so that planners on it use the same program
+POSES = 1120  # of candidates: those of the coarse grid
+PAIRS_AT_ONCE = 512  # of them and objects, so that it takes a few rounds
 
 GRID = GridConfig(step_m=0.2, turns=4)  # coarse
 ALIGNED = AlignedConfig(step_m=0.4)  # sparse: 88 stops
@@ -41,6 +42,7 @@ _navigation_time = jax.jit(navigation.navigation_time, static_argnames="config")
 _base_collides = jax.jit(clearance.base_collides)
 _arm_collides = jax.jit(clearance.arm_collides)
 _forward_kinematics = jax.jit(kinematics.forward_kinematics)
+_check_candidates = candidates.check_candidates  # compiled as it is; planners of tests may use the one below instead
 _draw_scene = jax.jit(generate.draw_scene, static_argnames=("slots", "config"))
 
 
@@ -160,14 +162,22 @@ def draw_scene(seed: int, count: int, table: Table, slots: int = SLOTS) -> Scene
 
 
 def check_candidates(
-    robot: Robot, scene: Scene, base_pose: ArrayLike, world: WorldConfig = WorldConfig()
+    robot: Robot,
+    scene: Scene,
+    base_pose: ArrayLike,
+    world: WorldConfig = WorldConfig(),
+    *,
+    pairs_at_once: int = PAIRS_AT_ONCE,
 ) -> Candidates:
-    """`candidates.check_candidates` of any poses."""
+    """`candidates.check_candidates` of any poses, always in rounds of `PAIRS_AT_ONCE`."""
+    del pairs_at_once
     poses = np.asarray(base_pose, np.float32)
     count, slots = len(poses), scene.mask.shape[0]
+    if not count:
+        return jax.device_get(_check_candidates(robot, scene, poses, world))
     rows = np.resize(np.arange(count), -(-count // POSES) * POSES)
     wide = with_slots(scene, max(SLOTS, slots))
-    found = jax.device_get(candidates.check_candidates(robot, wide, poses[rows], world))
+    found = jax.device_get(_check_candidates(robot, wide, poses[rows], world, pairs_at_once=PAIRS_AT_ONCE))
     pairs = {name: getattr(found, name)[:count, :slots] for name in ("serves", "pick_time")}
     return dataclasses.replace(found, base_pose=poses, **pairs, reason=found.reason[:slots])
 

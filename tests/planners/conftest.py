@@ -1,14 +1,10 @@
 import dataclasses
 
-import jax
 import numpy as np
 import pytest
 
-from basenet_jax.config import GridConfig
-from basenet_jax.planners.protocol import PlannerSetup
-from basenet_jax.world.generate import draw_scene
-
-SLOTS = 6  # of the tests' scenes, so that each planner compiles once
+from basenet_jax.planners import basenet, dp, map_or_check, refined
+from tests import compiled
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -20,23 +16,25 @@ def cache_home(tmp_path_factory):
         yield
 
 
+@pytest.fixture(scope="module", autouse=True)
+def one_check_of_candidates():
+    """One program checks the candidates of all planners, padded; itself it is compared with single picks."""
+    with pytest.MonkeyPatch.context() as patch:
+        for planner in (basenet, dp, map_or_check, refined):
+            patch.setattr(planner, "check_candidates", compiled.check_candidates)
+        yield
+
+
 @pytest.fixture(scope="session")
 def setup(robot):
     """A coarse grid: 20 cm and 90 degrees, about a thousand poses."""
-    return PlannerSetup(robot=jax.device_put(robot), grid=GridConfig(step_m=0.2, turns=4))
+    return compiled.make_setup(robot)
 
 
 @pytest.fixture(scope="session")
 def random_scene(table):
-    """(seed, number of objects, number of slots) -> a scene on the host."""
-    draw = jax.jit(draw_scene, static_argnames="slots")
-
-    def make(seed, count=SLOTS, slots=SLOTS):
-        scene, placed = draw(jax.random.key(seed), count, table, slots=slots)
-        assert placed
-        return jax.device_get(scene)
-
-    return make
+    """(seed, number of objects) -> a scene of six slots, on the host."""
+    return lambda seed, count=compiled.SLOTS: compiled.draw_scene(seed, count, table)
 
 
 @pytest.fixture(scope="session")
@@ -52,16 +50,14 @@ def hopeless():
 
 
 @pytest.fixture(scope="session")
-def padded():
-    """(scene, slots) -> the scene with so many slots, the empty ones full of numbers that make no sense."""
+def spoilt():
+    """(scene) -> the scene with numbers that make no sense in its empty slots."""
 
-    def make(scene, slots):
-        used = np.flatnonzero(scene.mask)
+    def make(scene):
         fields = {}
-        for name in ("object_pose", "object_size", "object_grasp", "object_class", "mask"):
-            value = np.asarray(getattr(scene, name))
-            fields[name] = np.full((slots, *value.shape[1:]), 0 if value.dtype == bool else 7, value.dtype)
-            fields[name][: len(used)] = value[used]
+        for name in ("object_pose", "object_size", "object_grasp", "object_class"):
+            fields[name] = np.array(getattr(scene, name))
+            fields[name][~scene.mask] = 7
         return dataclasses.replace(scene, **fields)
 
     return make
@@ -69,5 +65,5 @@ def padded():
 
 @pytest.fixture(scope="session")
 def four_objects(random_scene):
-    """A scene of four objects in four slots."""
-    return jax.device_put(random_scene(3, 4, 4))
+    """A scene of four objects in six slots."""
+    return random_scene(3, 4)

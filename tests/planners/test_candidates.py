@@ -2,15 +2,14 @@
 
 import math
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from basenet_jax.config import GridConfig, TableConfig
-from basenet_jax.planners.candidates import check_candidates, grid_poses
+from basenet_jax.planners.candidates import grid_poses
 from basenet_jax.task.picking import Reason
 from basenet_jax.world.scene import Table
+from tests import compiled
 from tests.oracles import picking as oracle
 from tests.oracles.clearance import base_clearance
 from tests.task import pick_cases
@@ -61,7 +60,7 @@ def scene(random_scene, hopeless):
 
 @pytest.fixture(scope="module")
 def candidates(setup, scene):
-    return jax.device_get(check_candidates(setup.robot, scene, jnp.asarray(setup.grid_poses), setup.world))
+    return compiled.check_candidates(setup.robot, scene, setup.grid_poses, setup.world)
 
 
 def test_pairs_are_as_picked_one_by_one(setup, robot, scene, candidates):

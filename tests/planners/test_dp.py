@@ -2,30 +2,31 @@ import dataclasses
 import itertools
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from basenet_jax.config import GridConfig
-from basenet_jax.evaluation.orders import random_scenes
-from basenet_jax.planners.candidates import Candidates, check_candidates
+from basenet_jax.planners.candidates import Candidates
 from basenet_jax.planners.dp import MAX_OBJECTS, Dp, plan_exactly
-from basenet_jax.planners.protocol import PlannerSetup, PlanningError
+from basenet_jax.planners.protocol import PlanningError
 from basenet_jax.task.picking import Reason
-from basenet_jax.task.plan import Plan, execute
+from basenet_jax.task.plan import Plan
+from tests import compiled
 
-judge = jax.jit(execute)
+judge, check_candidates = compiled.execute, compiled.check_candidates
 
 
 @pytest.fixture(scope="module")
 def setup(robot):
     """A coarse grid, so that few poses are left to enumerate."""
-    return PlannerSetup(robot=jax.device_put(robot), grid=GridConfig(step_m=0.45, turns=4))
+    return compiled.make_setup(robot, grid=GridConfig(step_m=0.45, turns=4))
 
 
 @pytest.fixture(scope="module")
-def scenes():
-    return random_scenes(jax.random.key(11), 3, 4)
+def scenes(table):
+    """Of three objects, in three slots."""
+    drawn = (compiled.draw_scene(seed, 3, table, slots=3) for seed in (0, 1, 2))
+    return jax.tree.map(lambda *x: np.stack(x), *drawn)
 
 
 def one_of(scenes, index):
@@ -43,7 +44,7 @@ def every_plan(candidates, slots):
             stops.append(poses[list(choice)])
     count = len(order)
     leaves = (np.array(order), np.array(stops), np.ones((count, slots), bool), np.zeros((count, slots), int))
-    return Plan(*map(jnp.asarray, leaves))
+    return Plan(*leaves)  # pyright: ignore[reportArgumentType]
 
 
 def test_no_plan_is_judged_cheaper(setup, scenes):
@@ -77,7 +78,9 @@ def test_its_costs_are_the_judges(setup, scenes):
 
 def test_an_object_out_of_reach_comes_last_with_its_reason(setup, scenes):
     scene = one_of(scenes, 1)
-    high = dataclasses.replace(scene, object_grasp=scene.object_grasp.at[1, 1].set(2.0))
+    grasp = scene.object_grasp.copy()
+    grasp[1, 1] = 2.0
+    high = dataclasses.replace(scene, object_grasp=grasp)
     plan = Dp(setup)(high, jax.random.key(0))
     assert int(plan.object_index[2]) == 1
     assert np.asarray(plan.served).tolist() == [True, True, False]
@@ -93,20 +96,15 @@ def test_nothing_in_reach_gives_a_plan_without_stops(setup, scenes):
 
 def test_empty_slots_change_nothing(setup, scenes):
     scene = one_of(scenes, 0)
-    slots = {
-        name: np.pad(getattr(scene, name), ((0, 2), (0, 0))) for name in ("object_pose", "object_size", "object_grasp")
-    }
-    padded = dataclasses.replace(
-        scene, **slots, object_class=np.pad(scene.object_class, (0, 2)), mask=np.pad(scene.mask, (0, 2))
-    )
-    plan, wide = (Dp(setup)(each, jax.random.key(0)) for each in (scene, padded))
+    plan, wide = (Dp(setup)(each, jax.random.key(0)) for each in (scene, compiled.with_slots(scene, 5)))
     np.testing.assert_array_equal(plan.base_pose, wide.base_pose[:3])
     np.testing.assert_array_equal(plan.object_index, wide.object_index[:3])
     assert np.asarray(wide.object_index[3:]).tolist() == [-1, -1]
 
 
-def test_too_many_objects_are_refused_with_what_else_to_use(setup):
+def test_too_many_objects_are_refused_with_what_else_to_use(setup, table):
     count = MAX_OBJECTS + 1
-    scene = one_of(random_scenes(jax.random.key(0), count, 1), 0)
+    scene = compiled.with_slots(compiled.draw_scene(0, 3, table), count)
+    scene = dataclasses.replace(scene, mask=np.ones(count, bool))
     with pytest.raises(PlanningError, match=f"objects: found {count}.*basenet"):
         Dp(setup)(scene, jax.random.key(0))

@@ -2,24 +2,20 @@ import jax
 import numpy as np
 
 from basenet_jax.config import NavigationConfig
-from basenet_jax.planners.candidates import check_candidates
 from basenet_jax.planners.greedy_stops import GreedyStops, greedy_stops
-from basenet_jax.planners.protocol import PlannerSetup
-from basenet_jax.task.navigation import navigation_time
-from basenet_jax.task.plan import execute
+from tests import compiled
 
 WORTH = 4.0
-navigate = jax.jit(navigation_time)
 
 
 def plainly(robot, scene, candidates):
     """The rule once more, in plain NumPy."""
     pick = np.asarray(candidates.pick_time)
     serves = np.isfinite(pick)
-    excess = pick - pick.min(axis=0)
-    pose, remaining, stops = scene.robot_start, set(range(pick.shape[1])), []
+    excess = np.where(serves, pick, 0.0) - np.where(serves.any(axis=0), pick.min(axis=0), 0.0)
+    pose, remaining, stops = scene.robot_start, set(np.flatnonzero(scene.mask).tolist()), []
     while remaining:
-        drive = np.asarray(navigate(robot, pose, candidates.base_pose, scene.table))
+        drive = compiled.navigation_time(robot, pose, candidates.base_pose, scene.table)
         cost = [
             drive[p] - sum(WORTH - excess[p, o] for o in remaining if serves[p, o])
             if any(serves[p, o] for o in remaining)
@@ -34,16 +30,15 @@ def plainly(robot, scene, candidates):
     return stops
 
 
-def test_it_follows_the_rule(robot, four_objects):
-    setup = PlannerSetup(robot=jax.device_put(robot))
-    poses = setup.grid_poses[::7]
-    candidates = check_candidates(setup.robot, four_objects, poses)
+def test_it_follows_the_rule(setup, four_objects):
+    poses = setup.grid_poses
+    candidates = compiled.check_candidates(setup.robot, four_objects, poses)
     stops = greedy_stops(setup.robot, four_objects, candidates, WORTH, NavigationConfig())
     for index, (pose, served) in enumerate(plainly(setup.robot, four_objects, candidates)):
         np.testing.assert_array_equal(stops.base_pose[index], poses[pose])
         assert set(np.flatnonzero(stops.serves[index]).tolist()) == served
 
 
-def test_it_grasps_everything_that_can_be_grasped(robot, four_objects):
-    plan = GreedyStops(PlannerSetup(robot=jax.device_put(robot)))(four_objects, jax.random.key(0))
-    assert int(jax.jit(execute)(robot, four_objects, plan).grasped) == 4
+def test_it_grasps_everything_that_can_be_grasped(setup, four_objects):
+    plan = GreedyStops(setup)(four_objects, jax.random.key(0))
+    assert int(compiled.execute(setup.robot, four_objects, plan).grasped) == 4

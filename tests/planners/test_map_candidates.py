@@ -74,8 +74,8 @@ def look_up(reach_map, layer, grasp, pose):
 def test_candidates_are_looked_up_in_the_map(robot, random_scene, setup):
     scene = random_scene(1, count=5)
     heights = scene.grasps[:, 2].tolist()
-    reach_map = build_map(robot, heights)
-    poses = setup.grid_poses[::7]
+    reach_map = build_map(robot, heights, setup.grid)
+    poses = setup.grid_poses
     candidates = map_candidates(reach_map, scene, jnp.asarray(poses))
     grasps = np.asarray(scene.grasps, float)
     expected = [[look_up(reach_map, m, grasps[m], pose) for m in range(6)] for pose in poses.astype(float)]
@@ -90,12 +90,14 @@ def test_candidates_are_looked_up_in_the_map(robot, random_scene, setup):
 
 def test_what_no_pose_serves_is_out_of_reach(robot, random_scene, hopeless, setup):
     scene = hopeless(random_scene(1, count=5), [1, 3])
-    candidates = map_candidates(build_map(robot, scene.grasps[:, 2].tolist()), scene, jnp.asarray(setup.grid_poses))
+    candidates = map_candidates(
+        build_map(robot, scene.grasps[:, 2].tolist(), setup.grid), scene, jnp.asarray(setup.grid_poses)
+    )
     lost = Reason.OUT_OF_REACH
     assert np.asarray(candidates.reason).tolist() == [0, lost, 0, lost, 0, 0], "an empty slot has no reason"
     assert not np.asarray(candidates.serves)[:, [1, 3, 5]].any()
 
 
-def test_a_map_needs_one_layer_per_slot(robot, random_scene):
+def test_a_map_needs_one_layer_per_slot(robot, random_scene, setup):
     with pytest.raises(ValueError, match="found 3 layers, needs one for each of the scene's 6 slots"):
-        map_candidates(build_map(robot, [1.0, 1.1, 1.2]), random_scene(0), jnp.zeros((2, 3)))
+        map_candidates(build_map(robot, [1.0, 1.1, 1.2], setup.grid), random_scene(0), jnp.zeros((2, 3)))

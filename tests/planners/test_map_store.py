@@ -11,8 +11,9 @@ from basenet_jax.planners.map_file import load_map, save_map
 from basenet_jax.planners.map_store import HEIGHT_STEP, MapStore, map_folder
 from basenet_jax.planners.reachability import build_map
 from basenet_jax.weights_file import save_weights
+from tests import compiled
 
-GRID, CONFIG = GridConfig(step_m=0.25, turns=3), PickConfig()
+GRID, CONFIG = compiled.GRID, PickConfig()
 HEIGHTS = np.array([1.1, 1.2], np.float32)
 
 
@@ -70,8 +71,8 @@ def test_a_robot_in_single_precision_is_the_same_robot(tmp_path, setup, robot, b
         (lambda robot: {"robot": robot.replace(joint_upper=robot.joint_upper * 0.99)}, "another robot"),
         (lambda robot: {"robot": robot.replace(closed_form=None)}, "another robot"),
         (lambda _: {"config": PickConfig(gripper_symmetric=False)}, "another robot or configuration"),
-        (lambda _: {"grid": GridConfig(step_m=0.2500001, turns=3)}, "another robot or configuration"),
-        (lambda _: {"grid": GridConfig(step_m=0.25, turns=4)}, "shape"),
+        (lambda _: {"grid": GridConfig(step_m=0.2000001, turns=4)}, "another robot or configuration"),
+        (lambda _: {"grid": GridConfig(step_m=0.2, turns=3)}, "shape"),
         (lambda _: {"heights": HEIGHTS + 1e-3}, r"height: found \[1.1"),
         (lambda _: {"heights": HEIGHTS[:1]}, "shape"),
     ],

@@ -11,13 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from basenet_jax.config import NavigationConfig
-from basenet_jax.planners.candidates import Candidates, check_candidates
+from basenet_jax.planners.candidates import Candidates
 from basenet_jax.planners.map_store import MapStore
 from basenet_jax.planners.mbp import Mbp, nearest_stops, picks_at_stops
 from basenet_jax.planners.reachability import map_candidates
 from basenet_jax.task.picking import Reason
-from basenet_jax.task.plan import execute
 from basenet_jax.world.scene import Table
+from tests import compiled
 from tests.oracles.navigation import navigate
 
 # T's slope at 0 is infinite: float32's 1e-7 rad of heading are a millisecond.
@@ -45,20 +45,20 @@ def as_candidates(poses, serves, pick_time=None):
 def test_the_nearest_stop_is_visited_next(robot, random_scene, setup, seed):
     rng = np.random.default_rng(seed)
     scene = random_scene(seed)
-    poses = rng.permutation(setup.grid_poses)[:60]
-    stop = rng.integers(-1, 4, 60)
-    candidates = as_candidates(poses, np.ones((60, 6), bool))
+    poses = rng.permutation(setup.grid_poses)
+    stop = np.where(np.arange(len(poses)) < 60, rng.integers(-1, 4, len(poses)), -1)
+    candidates = as_candidates(poses, np.ones((len(poses), 6), bool))
     visited = np.asarray(nearest_stops(robot, scene, candidates, jnp.asarray(stop), NavigationConfig()))
     assert (visited >= 0).tolist() == [True] * 4 + [False] * 2
     assert not follow_tour(scene, poses.astype(float), stop, visited[:4].tolist())
 
 
 def test_a_stop_that_can_not_be_driven_to_is_left_out(robot, random_scene, setup):
-    poses = setup.grid_poses[:60].copy()
+    poses = setup.grid_poses.copy()
     poses[7] = 0.0  # inside the table
-    stop = np.full(60, -1)
+    stop = np.full(len(poses), -1)
     stop[[3, 7, 20]] = [0, 1, 2]
-    candidates = as_candidates(poses, np.ones((60, 6), bool))
+    candidates = as_candidates(poses, np.ones((len(poses), 6), bool))
     visited = np.asarray(nearest_stops(robot, random_scene(0), candidates, jnp.asarray(stop), NavigationConfig()))
     assert sorted(visited.tolist()) == [-1, -1, -1, -1, 3, 20]
 
@@ -100,7 +100,7 @@ def candidates_of(setup):
 
     def make(scene, checked=False):
         if checked:
-            return jax.device_get(check_candidates(setup.robot, scene, poses, setup.world))
+            return compiled.check_candidates(setup.robot, scene, poses, setup.world)
         return jax.device_get(map_candidates(maps.for_scene(scene), scene, poses))
 
     return make
@@ -138,7 +138,7 @@ def test_checked_plans(mbp_gc, candidates_of, setup, random_scene):
     scene = random_scene(5)
     candidates, plan = candidates_of(scene, checked=True), mbp_gc(scene, KEY)
     check_plan(scene, candidates, plan)
-    outcome = jax.device_get(jax.jit(execute)(setup.robot, scene, plan))
+    outcome = compiled.execute(setup.robot, scene, plan)
     np.testing.assert_array_equal(outcome.feasible, plan.served)
     planned = np.sum(
         [candidates.pick_time[(candidates.base_pose == pose).all(axis=1), slot] for pose, slot in steps(plan)]
@@ -181,9 +181,9 @@ def test_a_start_that_nothing_can_be_reached_from(mbp, random_scene):
     assert Reason.UNREACHABLE in np.asarray(plan.reason)
 
 
-def test_empty_slots_change_nothing(mbp, random_scene, padded):
+def test_empty_slots_change_nothing(mbp, random_scene, spoilt):
     scene = random_scene(6, count=4)
-    plan, other = jax.device_get((mbp(scene, KEY), mbp(padded(scene, 6), KEY)))
+    plan, other = jax.device_get((mbp(scene, KEY), mbp(spoilt(scene), KEY)))
     jax.tree.map(np.testing.assert_array_equal, plan, other)
     assert plan.object_index[4:].tolist() == [-1, -1]
     assert not plan.served[4:].any()

@@ -1,3 +1,4 @@
+import dataclasses
 import itertools
 
 import jax
@@ -7,16 +8,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from basenet_jax.config import RefinementConfig
-from basenet_jax.planners.protocol import PlannerSetup
+from basenet_jax.config import RefinementConfig, WorldConfig
+from basenet_jax.planners import refined
+from basenet_jax.planners.protocol import assemble_plan
 from basenet_jax.planners.refined import Refined
 from basenet_jax.planners.refinement import alternatives, cheapest_path, reassign, refine
 from basenet_jax.planners.route import as_plan, as_route, reason_by_slot
-from basenet_jax.task.plan import execute
+from tests import compiled
 
 SMALL = RefinementConfig(rounds=4, slides=3, free=2, rigid=2)
-judge = jax.jit(execute)
-move = jax.jit(refine, static_argnames="config")
+judge = compiled.execute
+move, assign = jax.jit(refine, static_argnames=("config", "world")), jax.jit(reassign, static_argnames="world")
 shortest = jax.jit(cheapest_path)
 propose = jax.jit(alternatives, static_argnames="config")
 
@@ -68,9 +70,23 @@ def test_rigid_motions_keep_what_stops_are_to_each_other():
         np.testing.assert_allclose(turns, turns[0], atol=1e-5)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def few_programs():
+    """The planner's two steps of improvement are compiled apart, as the tests of each call them."""
+
+    def refine_and_reassign(robot, scene, route, key, config, world):
+        route, _ = move(robot, scene, route, key, config.rounds, config=config, world=world)
+        return assign(robot, scene, route, world=world)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(refined, "_execute", compiled.execute)
+        patch.setattr(refined, "_refine", refine_and_reassign)
+        yield
+
+
 @pytest.fixture(scope="module")
-def planner(robot):
-    return Refined(PlannerSetup(robot=jax.device_put(robot)), refinement=SMALL)
+def planner(setup):
+    return Refined(setup, refinement=SMALL)
 
 
 def test_every_plan_is_at_least_as_good_as_the_one_before(planner, robot, four_objects):
@@ -84,7 +100,7 @@ def test_every_plan_is_at_least_as_good_as_the_one_before(planner, robot, four_o
 def test_what_it_says_it_costs_is_what_the_judge_says(planner, robot, four_objects):
     plan = next(planner.improving_plans(four_objects, jax.random.key(0)))
     before = judge(robot, four_objects, plan)
-    route, cost = move(robot, four_objects, as_route(plan), jax.random.key(1), 4, config=SMALL)
+    route, cost = move(robot, four_objects, as_route(plan), jax.random.key(1), 4, config=SMALL, world=WorldConfig())
     after = judge(robot, four_objects, as_plan(four_objects, route, reason_by_slot(plan)))
     assert float(cost) == pytest.approx(float(after.execution), abs=2e-3)
     assert float(after.execution) <= float(before.execution) + 1e-3
@@ -93,7 +109,7 @@ def test_what_it_says_it_costs_is_what_the_judge_says(planner, robot, four_objec
 def test_reassigned_objects_are_picked_no_slower(planner, robot, four_objects):
     plan = next(planner.improving_plans(four_objects, jax.random.key(0)))
     route = as_route(plan)
-    better = as_plan(four_objects, jax.jit(reassign)(robot, four_objects, route), reason_by_slot(plan))
+    better = as_plan(four_objects, assign(robot, four_objects, route, world=WorldConfig()), reason_by_slot(plan))
     assert float(judge(robot, four_objects, better).picking) <= float(judge(robot, four_objects, plan).picking) + 1e-4
 
 
@@ -103,29 +119,27 @@ def test_the_same_key_gives_the_same_plan(planner, four_objects):
 
 
 @pytest.mark.parametrize(("budget_s", "rounds"), [(0.0, [1, 1, 1]), (1e-9, [2, 1, 2])])
-def test_what_a_budget_is_spent_on_is_compiled_by_the_first_call(robot, four_objects, monkeypatch, budget_s, rounds):
+def test_what_a_budget_is_spent_on_is_compiled_by_the_first_call(setup, four_objects, monkeypatch, budget_s, rounds):
     taken = []
 
     def improving_plans(self, scene, key):
-        del self, scene, key
+        del self, key
         taken.append(0)
         while True:
             taken[-1] += 1
-            yield None
+            yield assemble_plan(scene, np.flatnonzero(scene.mask), np.zeros((scene.mask.sum(), 3)), scene.mask * 0)
 
     monkeypatch.setattr(Refined, "improving_plans", improving_plans)
-    planner = Refined(PlannerSetup(robot=robot, budget_s=budget_s))
-    three = jax.tree.map(lambda x: x[:3] if x.ndim and len(x) == 4 else x, four_objects)
-    assert (len(three.mask), len(four_objects.mask)) == (3, 4)
+    planner = Refined(dataclasses.replace(setup, budget_s=budget_s))
+    three = dataclasses.replace(four_objects, mask=np.arange(6) < 3)
     for scene in (four_objects, four_objects, three):
         planner(scene, jax.random.key(0))
     assert taken == rounds
 
 
-def test_what_only_the_grid_can_serve_is_served(robot, four_objects, monkeypatch):
-    setup = PlannerSetup(robot=jax.device_put(robot))
+def test_what_only_the_grid_can_serve_is_served(setup, four_objects, monkeypatch):
     planner = Refined(setup, refinement=SMALL)
     monkeypatch.setattr(planner, "_aligned", planner._aligned[:8])  # some stops at one corner
     plan = planner(four_objects, jax.random.key(0))
-    assert bool(np.all(plan.served))
-    assert int(judge(robot, four_objects, plan).grasped) == 4
+    assert int(np.sum(plan.served)) == 4
+    assert int(judge(setup.robot, four_objects, plan).grasped) == 4

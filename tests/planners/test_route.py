@@ -14,20 +14,20 @@ def plan_of(scene, order, poses):
 
 def test_steps_from_one_pose_are_one_stop(four_objects):
     route = as_route(plan_of(four_objects, [2, 0, 3], [HERE, HERE, THERE]))
-    np.testing.assert_allclose(route.stops, [HERE, THERE, THERE, THERE])
-    assert np.asarray(route.stop_of).tolist() == [0, -1, 0, 1]
+    np.testing.assert_allclose(route.stops, [HERE, *[THERE] * 5])
+    assert np.asarray(route.stop_of).tolist() == [0, -1, 0, 1, -1, -1]
 
 
 def test_coming_back_to_a_pose_is_another_stop(four_objects):
     route = as_route(plan_of(four_objects, [0, 1, 2], [HERE, THERE, HERE]))
     np.testing.assert_allclose(route.stops[:3], [HERE, THERE, HERE])
-    assert np.asarray(route.stop_of).tolist() == [0, 1, 2, -1]
+    assert np.asarray(route.stop_of).tolist() == [0, 1, 2, -1, -1, -1]
 
 
 def test_a_plan_comes_back_but_for_the_order_at_a_stop(four_objects):
     plan = plan_of(four_objects, [2, 0, 3], [HERE, HERE, THERE])
     back = as_plan(four_objects, as_route(plan), reason_by_slot(plan))
-    assert np.asarray(back.object_index).tolist() == [0, 2, 3, 1]
+    assert np.asarray(back.object_index).tolist() == [0, 2, 3, 1, -1, -1]
     for one, other in zip(jax.tree.leaves(plan)[1:], jax.tree.leaves(back)[1:], strict=True):
         np.testing.assert_array_equal(one, other)
 
@@ -35,5 +35,5 @@ def test_a_plan_comes_back_but_for_the_order_at_a_stop(four_objects):
 def test_a_stop_without_objects_is_passed_by(four_objects):
     route = as_route(plan_of(four_objects, [0, 1, 2, 3], [HERE, THERE, THERE, HERE]))
     moved = route._replace(stop_of=route.stop_of.at[1:3].set(0))
-    plan = as_plan(four_objects, moved, np.zeros(4, int))
-    np.testing.assert_allclose(plan.base_pose, [HERE] * 4)
+    plan = as_plan(four_objects, moved, np.zeros(6, int))
+    np.testing.assert_allclose(plan.base_pose[:4], [HERE] * 4)

@@ -8,13 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from basenet_jax.planners import stop_search
-from basenet_jax.planners.candidates import check_candidates
 from basenet_jax.planners.exact_sequence import best_sequence
-from basenet_jax.planners.protocol import assemble_plan
 from basenet_jax.planners.stop_moves import best_neighbour, exchange_costs, make_costs, reversal_gains, route_cost
+from basenet_jax.planners.stop_problem import stop_problem
 from basenet_jax.planners.stop_search import plan_steps, search_stops
-from basenet_jax.task.navigation import navigation_time
-from basenet_jax.task.plan import execute
+from tests import compiled
 
 STOPS, OBJECTS, ROOM = 7, 5, 4  # one shape for all tests of single moves, so that each compiles once
 SEEDS = st.integers(0, 2**31)
@@ -237,14 +235,11 @@ def test_a_start_with_too_much_room_is_refused():
         search_stops(*random_problem(8), jax.random.key(0), iterations=1, start=np.full(6, -1))
 
 
-def test_the_judge_agrees_with_the_cost(setup, table, random_scene):
-    scene, poses = random_scene(1), setup.grid_poses
-    candidates = check_candidates(setup.robot, scene, poses)
-    places = np.concatenate([scene.robot_start[None], poses])
-    drive = jax.jit(navigation_time)(setup.robot, places[:, None], places, table)
-    found = search_stops(candidates.pick_time, drive[0, 1:], drive[1:, 1:], jax.random.key(0), iterations=500)
-    order, stops = plan_steps(found)
-    plan = assemble_plan(scene, order, poses[stops], np.asarray(candidates.reason))
-    outcome = jax.jit(execute)(setup.robot, scene, plan)
+def test_the_judge_agrees_with_the_cost(setup, random_scene):
+    scene = random_scene(1)
+    problem = stop_problem(setup.robot, scene, compiled.check_candidates(setup.robot, scene, setup.grid_poses))
+    found = search_stops(*problem.costs, jax.random.key(0), iterations=500)
+    plan = problem.plan(scene, *plan_steps(found))
+    outcome = compiled.execute(setup.robot, scene, plan)
     assert outcome.grasped == np.sum(scene.mask)
     np.testing.assert_allclose(found.cost, outcome.execution, rtol=1e-4)

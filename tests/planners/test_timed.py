@@ -4,7 +4,7 @@ import jax
 import pytest
 
 from basenet_jax.planners import timed
-from basenet_jax.world.generate import draw_scene
+from tests import compiled
 from tests.scene_texts import park_once
 
 
@@ -25,7 +25,7 @@ class Dawdler:
 
 @pytest.fixture
 def scene(table):
-    return draw_scene(jax.random.key(0), 2, table, slots=2)[0]
+    return compiled.draw_scene(0, 2, table, slots=2)
 
 
 @pytest.fixture
