@@ -9,10 +9,9 @@ import pytest
 
 from basenet_jax.config import WorldConfig
 from basenet_jax.policies.pickup import as_plan, choose_nearest, choose_random, episode_cost, rollout
-from basenet_jax.task.plan import execute
-from basenet_jax.world.generate import draw_scene
+from tests import compiled
 
-OBJECTS = jnp.array([1, 3, 5, 5])
+OBJECTS = np.array([1, 3, 5, 5])
 
 
 @dataclasses.dataclass
@@ -28,8 +27,8 @@ class Beside:
 
 @pytest.fixture(scope="module")
 def scenes(table):
-    keys = jax.random.split(jax.random.key(0), len(OBJECTS))
-    return jax.vmap(lambda key, count: draw_scene(key, count, table, slots=5)[0])(keys, OBJECTS)
+    drawn = (compiled.draw_scene(seed, count, table, slots=5) for seed, count in enumerate(OBJECTS))
+    return jax.tree.map(lambda *x: jnp.stack(x), *drawn)
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +59,7 @@ def test_state_is_refreshed_after_every_step(play, scenes):
 
 def test_an_episode_is_its_plan_executed(robot, play, scenes):
     steps = play(Beside())
-    outcome = jax.jit(lambda plan: execute(robot, scenes, plan))(as_plan(steps))
+    outcome = compiled.execute(robot, scenes, as_plan(steps))
     np.testing.assert_allclose(outcome.navigation, steps.navigation_time.sum(0), atol=1e-3)
 
 
@@ -68,7 +67,7 @@ def test_a_collision_ends_the_episode_and_costs_every_object_left(robot, play, s
     steps = play(Beside(distance=0.5))
     assert not bool(jnp.any(steps.executed))
     np.testing.assert_allclose(episode_cost(steps, 15.0), 15.0 * OBJECTS, atol=1e-4)
-    outcome = jax.jit(lambda plan: execute(robot, scenes, plan))(as_plan(steps))
+    outcome = compiled.execute(robot, scenes, as_plan(steps))
     assert int(outcome.grasped.sum()) == 0
     assert float(outcome.execution.sum()) == 0.0
 

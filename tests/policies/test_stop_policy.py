@@ -48,10 +48,9 @@ def case():
     graph, problem = made_up(0)
     state = at_stop(graph, problem, 3, [12.0, np.inf, np.inf, np.inf], spare=1.0)
     params = init(jax.random.key(0), graph, problem, state)
-    leaves, tree = jax.tree.flatten(params)
-    keys = jax.random.split(jax.random.key(1), len(leaves))
-    shaken = [leaf + 0.1 * jax.random.normal(key, leaf.shape) for leaf, key in zip(leaves, keys, strict=True)]
-    return graph, problem, state, jax.tree.unflatten(tree, shaken), params
+    rng = np.random.default_rng(1)
+    shaken = jax.tree.map(lambda leaf: np.asarray(leaf + 0.1 * rng.normal(size=leaf.shape), np.float32), params)
+    return graph, problem, state, shaken, params
 
 
 def test_permuting_objects_changes_nothing(case):

@@ -10,9 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from basenet_jax.config import AlignedConfig
 from basenet_jax.planners.aligned_stops import aligned_poses
-from basenet_jax.planners.candidates import check_candidates
 from basenet_jax.planners.protocol import assemble_plan
 from basenet_jax.policies.stop_policy import StopPolicy, StopScene, make_scene, stop_graph
 from basenet_jax.policies.stop_rollout import (
@@ -28,8 +26,7 @@ from basenet_jax.policies.stop_rollout import (
     start,
     visit,
 )
-from basenet_jax.task.plan import execute
-from basenet_jax.world.generate import draw_scene
+from tests import compiled
 from tests.policies.test_stop_policy import made_up
 
 POLICY = StopPolicy(features=8, considered=12)
@@ -46,17 +43,14 @@ def greedy(params, graph, problem):
 
 
 def batch(problem: StopScene, count: int) -> StopScene:
-    return jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *x.shape)), problem)
+    return jax.tree.map(lambda x: np.broadcast_to(x, (count, *x.shape)), problem)
 
 
 def shaken(graph, problem, scale=0.3, policy=POLICY):
     """Parameters that follow no rule."""
     params = jax.jit(policy.init)(jax.random.key(0), graph, problem, start(problem))
-    leaves, tree = jax.tree.flatten(params)
-    keys = jax.random.split(jax.random.key(1), len(leaves))
-    return jax.tree.unflatten(
-        tree, [leaf + scale * jax.random.normal(key, leaf.shape) for leaf, key in zip(leaves, keys, strict=True)]
-    )
+    rng = np.random.default_rng(2)
+    return jax.tree.map(lambda leaf: np.asarray(leaf + scale * rng.normal(size=leaf.shape), np.float32), params)
 
 
 @pytest.fixture(scope="module")
@@ -67,20 +61,20 @@ def case():
 
 def test_cost_is_the_judges(robot, table):
     """On a real scene with an empty slot: the plan's cost is N + G of its execution, and everything is grasped."""
-    scene, _ = jax.jit(draw_scene, static_argnames="slots")(jax.random.key(4), 3, table, slots=4)
-    poses = jnp.asarray(aligned_poses(robot, table, AlignedConfig(step_m=0.4)))
+    scene = compiled.draw_scene(4, 3, table, slots=4)
+    poses = jnp.asarray(aligned_poses(robot, table, compiled.ALIGNED))
     graph = jax.jit(stop_graph)(robot, table, poses)
-    picks = check_candidates(robot, scene, poses, pairs_at_once=256).pick_time
+    picks = compiled.check_candidates(robot, scene, poses).pick_time
     problem = make_scene(graph, picks, graph.drive[0], scene.robot_start, scene.grasps, scene.mask)
-    drives = jax.jit(stop_graph)(robot, table, jnp.concatenate([scene.robot_start[None], poses])).drive
-    problem = dataclasses.replace(problem, first_drive=drives[0, 1:])
+    first_drive = compiled.navigation_time(robot, scene.robot_start, poses, table)
+    problem = dataclasses.replace(problem, first_drive=jnp.asarray(first_drive))
     params = shaken(graph, problem)
     visited = sampled(params, graph, batch(problem, 3), jax.random.key(0))
     plans = plans_of(graph, batch(problem, 3), visited)
     for stops, picked_at, cost in zip(*map(np.asarray, plans), strict=True):
         order = np.argsort(picked_at, kind="stable")[np.sum(picked_at < 0) :]
         plan = assemble_plan(scene, order, np.asarray(poses)[stops[picked_at[order]]], np.zeros(4, int))
-        outcome = jax.jit(execute)(robot, scene, plan)
+        outcome = compiled.execute(robot, scene, plan)
         assert int(outcome.grasped) == 3
         assert float(outcome.execution) == pytest.approx(float(cost), abs=2e-2)
 
