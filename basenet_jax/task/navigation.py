@@ -1,7 +1,6 @@
 """How long the base drives from pose to pose: round the table, by turning, driving and turning."""
 
 import functools
-import itertools
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -127,7 +126,7 @@ def _over_vias(robot: Robot, p: Vector, q: Vector, table: Table, config: Navigat
 
 
 def _least_way(ways: _Ways) -> Array:
-    """The least duration over all allowed ways, in both gears."""
+    """The least duration over all allowed ways."""
     best = jnp.inf
     for duration, _ in _all_ways(ways):
         best = jnp.minimum(best, duration)
@@ -135,35 +134,54 @@ def _least_way(ways: _Ways) -> Array:
 
 
 def _all_ways(ways: _Ways) -> Iterator[tuple[Array, tuple[int, ...]]]:
-    """Yields the duration of every way, infinite if not allowed, and the corners that it goes over."""
-    for gear in (0.0, jnp.pi):  # forward, reverse: the base's heading is opposite to the direction of travel
-        yield _duration(ways, gear, [ways.straight]), ()
-        for via in range(4):
-            following = (via + 1) % 4
-            edge = _at(ways.round, via)
-            back = edge._replace(direction=edge.direction + jnp.pi)
-            yield _duration(ways, gear, [_at(ways.outward, via), _at(ways.inward, via)]), (via,)
-            yield _duration(ways, gear, [_at(ways.outward, via), edge, _at(ways.inward, following)]), (via, following)
-            yield _duration(ways, gear, [_at(ways.outward, following), back, _at(ways.inward, via)]), (following, via)
+    """Yields the duration of every way in its better gear, infinite if not allowed, and the corners that it goes over.
+
+    What ways share (turns at both ends, legs) is computed once for all vias; only sums are unrolled, which on a CPU take
+    a third of the time that they take as arrays over vias.
+    """
+    robot, heading, goal_heading = ways.robot, ways.p[2], ways.q[2]
+    gears = (0.0, jnp.pi)  # forward, reverse: the base's heading is opposite to the direction of travel
+
+    def turn(angle: Array) -> Array:
+        return _turn_duration(robot, angle)
+
+    def first_turns(leg: _Leg) -> list[Array]:
+        return [turn(leg.direction + gear - heading) for gear in gears]
+
+    def last_turns(leg: _Leg) -> list[Array]:
+        return [turn(goal_heading - leg.direction - gear) for gear in gears]
+
+    def better(first: list[Array], last: list[Array]) -> Array:
+        return jnp.minimum(first[0] + last[0], first[1] + last[1])
+
+    yield better(first_turns(ways.straight), last_turns(ways.straight)) + _cost(ways.straight), ()
+    first, last = first_turns(ways.outward), last_turns(ways.inward)
+    outward, inward = ([_at(legs, via) for via in range(4)] for legs in (ways.outward, ways.inward))
+    out_cost, in_cost, first, last = zip(
+        *((_cost(outward[v]), _cost(inward[v]), [x[v] for x in first], [x[v] for x in last]) for v in range(4)),
+        strict=True,
+    )
+    for via in range(4):
+        turned = turn(inward[via].direction - outward[via].direction)
+        yield better(first[via], last[via]) + (out_cost[via] + turned + in_cost[via]), (via,)
+        following, edge = (via + 1) % 4, _at(ways.round, via)
+        for begin, end, direction in ((via, following, edge.direction), (following, via, edge.direction + jnp.pi)):
+            onto, off = turn(direction - outward[begin].direction), turn(inward[end].direction - direction)
+            legs = (out_cost[begin] + onto) + _cost(edge) + (in_cost[end] + off)
+            yield better(first[begin], last[end]) + legs, (begin, end)
 
 
 def _at(legs: _Leg, via: int) -> _Leg:
     return _Leg(*(field[via] for field in legs))
 
 
-def _duration(ways: _Ways, gear: float, legs: list[_Leg]) -> Array:
-    """Duration of one way in one gear, infinite if a leg is not free.
+def _cost(leg: _Leg) -> Array:
+    """The leg's duration (s), infinite if it isn't free.
 
-    A way over a via point that coincides with p or q is left out: the same way without that via is among the others.
+    So is one too short to have a direction: a way over a via point that coincides with p or q is left out, since the
+    same way without that via is among the others.
     """
-    time = _turn_duration(ways.robot, legs[0].direction + gear - ways.p[2])
-    time = time + _turn_duration(ways.robot, ways.q[2] - legs[-1].direction - gear)
-    for before, after in itertools.pairwise(legs):
-        time = time + _turn_duration(ways.robot, after.direction - before.direction)
-    allowed = True
-    for leg in legs:
-        time, allowed = time + leg.duration, allowed & leg.free & ~leg.short
-    return jnp.where(allowed, time, jnp.inf)
+    return jnp.where(leg.free & ~leg.short, leg.duration, jnp.inf)
 
 
 def _leg(
