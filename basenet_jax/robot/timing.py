@@ -20,10 +20,10 @@ def trapezoid_duration(distance: Array, speed: ArrayLike, acceleration: ArrayLik
         acceleration: of both ramps, positive.
     """
     distance = jnp.abs(distance)
-    short = distance * acceleration < speed * speed
+    ramps = jnp.asarray(speed * speed / acceleration)  # the distance that both ramps take up
     moving = distance > 0
-    triangle = 2.0 * jnp.sqrt(jnp.where(short & moving, distance, 1.0) / acceleration)
-    return jnp.where(short, jnp.where(moving, triangle, 0.0), distance / speed + speed / acceleration)
+    ramping = jnp.where(moving, jnp.minimum(distance, ramps) / acceleration, 1.0)
+    return jnp.where(moving, 2.0 * jnp.sqrt(ramping) + jnp.maximum(distance - ramps, 0.0) / speed, 0.0)
 
 
 def joint_move_duration(

@@ -18,7 +18,7 @@ from basenet_jax.robot import ur
 from basenet_jax.robot.ik import damped_least_squares, residual
 from basenet_jax.robot.kinematics import Frame, Vector
 from basenet_jax.robot.model import Robot
-from basenet_jax.robot.timing import synchronised_duration
+from basenet_jax.robot.timing import joint_move_duration, synchronised_duration
 from basenet_jax.trigonometry import sin_cos
 
 Joints = tuple[Array, ...]
@@ -80,11 +80,11 @@ def tool_target(robot: Robot, picks: Picks, height: ArrayLike, turn: ArrayLike) 
     sine, cosine = sin_cos(yaw - heading + turn)
     zero = jnp.zeros(())
     axes = ((cosine, sine, zero), (sine, -cosine, zero), (zero, zero, jnp.full((), -1.0)))
-    mount = robot.mount_rotation
+    rows = tuple(tuple(row) for row in robot.mount_rotation)
     offset = tuple(p - robot.mount_position[k] for k, p in enumerate(in_base))
 
     def in_arm(v: Vector) -> Vector:
-        return tuple(v[0] * mount[0, k] + v[1] * mount[1, k] + v[2] * mount[2, k] for k in range(3))
+        return tuple(v[0] * rows[0][k] + v[1] * rows[1][k] + v[2] * rows[2][k] for k in range(3))
 
     return Frame(*(in_arm(axis) for axis in axes), origin=in_arm(offset))
 
@@ -93,8 +93,9 @@ def cycle_duration(robot: Robot, pregrasp: Joints, grasp: Joints, config: PickCo
     """Duration (s) of a whole pick cycle: home, pre-grasp, grasp, close, pre-grasp, stow, open, home."""
     home, stow = tuple(robot.home), tuple(robot.stow)
     descent = synchronised_duration(robot, pregrasp, grasp)
-    carry = synchronised_duration(robot, pregrasp, stow) + synchronised_duration(robot, stow, home)
-    return synchronised_duration(robot, home, pregrasp) + 2 * descent + carry + config.close_s + config.open_s
+    always = joint_move_duration(robot, jnp.asarray(robot.stow), robot.home) + config.close_s + config.open_s
+    out, carry = synchronised_duration(robot, home, pregrasp), synchronised_duration(robot, pregrasp, stow)
+    return out + 2 * descent + carry + always
 
 
 def _solve_closed_form(robot: Robot, picks: Picks, config: PickConfig) -> Solutions:
