@@ -50,16 +50,17 @@ def capsules_touch(robot: Robot, base_pose: Vector, joints: Float[Array, "dof *b
     """`arm_collides` on struct-of-arrays poses and joints, whose batches broadcast.
 
     Few states come near anything. A test of bounding boxes, far cheaper than distances, finds them; exact
-    distances are then computed for the columns of the batch (its last axis) with such a state, some at a time.
+    distances are then computed for the columns of the batch (its last axis) with such a state, some at a time. Small
+    batches are spared the first test, and its half of the program.
     """
     size = (table.half_size[..., 0], table.half_size[..., 1], 0.5 * table.height)
     shape = jnp.broadcast_shapes(joints.shape[1:], *(jnp.shape(x) for x in (*base_pose, *size)))
-    if not shape:
+    if not shape or shape[-1] <= _COLUMNS_AT_ONCE:  # at once in any case
         return _walk(robot, base_pose, joints, size, _touches)
     columns = jax.tree.map(lambda x: jnp.broadcast_to(x, (*jnp.shape(x)[:-1], shape[-1])), (base_pose, joints, size))
     base_pose, joints, size = columns
     near = jnp.any(_walk(robot, base_pose, joints, size, _may_touch), axis=tuple(range(len(shape) - 1)))
-    at_once = min(shape[-1], max(_COLUMNS_AT_ONCE, shape[-1] // _ROUNDS))
+    at_once = max(_COLUMNS_AT_ONCE, shape[-1] // _ROUNDS)
 
     def check(state: tuple[Array, Array]) -> tuple[Array, Array]:
         near, touches = state
