@@ -18,6 +18,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import PRNGKeyArray
 
+from basenet_jax.config import WorldConfig
 from basenet_jax.devices import ONE_DEVICE, Devices
 from basenet_jax.planners import registry
 from basenet_jax.planners.protocol import Planner, PlannerSetup
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
 
     from basenet_jax.exports import Export
 
-_execute = jax.jit(judge.execute)
 _draw_scene = jax.jit(draw_scene, static_argnames="slots")
 
 
@@ -132,7 +132,7 @@ def execute(scene: NamedScene | Scene, plan: Plan, *, robot: str | None = None) 
         plan: of the same batch shape.
         robot: a packaged one's name, or a robot file; by default the scene's, or without one `ur5e_mobile`.
     """
-    return _execute(_robot(robot or _robot_name(scene)), _arrays(scene), plan)
+    return judge.compiled_execute(_robot(robot or _robot_name(scene)), _arrays(scene), plan, config=WorldConfig())
 
 
 def plot_plan(scene: NamedScene | Scene, plan: Plan) -> "Figure":

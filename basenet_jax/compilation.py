@@ -1,9 +1,30 @@
-"""JAX's persistent compilation cache, so that a program compiles once per machine and not once per run."""
+"""Compiled programs that outlive the process: JAX's cache of what XLA compiled, and whole programs of our own.
 
+JAX's cache spares a new process compiling, but not tracing and lowering, which take as long again. `Stored` spares all
+of it for the few programs that a user waits for at every start.
+"""
+
+import concurrent.futures
+import functools
+import hashlib
 import os
+import pickle
+import platform
+import threading
+import zlib
+from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import jax
+from jax.core import Tracer
+
+from basenet_jax.atomic import write_atomically
+
+_KEPT = 64  # programs of the folder, the latest used: each new version of the package leaves its own behind
+_SETTINGS = ("enable_x64", "default_matmul_precision", "threefry_partitionable")  # of JAX, that programs depend on
+_DIGEST = 32  # bytes, of SHA-256
 
 
 def cache_folder() -> Path | None:
@@ -24,3 +45,131 @@ def enable_cache() -> None:
         return
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
+
+
+class Stored:
+    """A jitted function of arrays on one device, whose programs are kept in memory and in the folder of JAX's cache.
+
+    Called under a transformation it is the function that it was made of. A stored program is used only by the very
+    source, versions, kind of device and settings that it was made by; what is damaged or doesn't load is made again.
+    Like JAX's own cache, the folder is trusted: it is the user's.
+    """
+
+    def __init__(self, function: Callable[..., Any], *, static: tuple[str, ...] = ()):
+        """Of a function of pytrees of arrays, and of hashable settings whose `repr` says all about them.
+
+        Args:
+            function: pure.
+            static: the names of its parameters that are settings; they are passed by name.
+        """
+        functools.update_wrapper(self, function)
+        self._jitted: Any = jax.jit(function, static_argnames=static)
+        self._programs: dict[Any, Callable[..., Any]] = {}
+        self._lock = threading.Lock()
+
+    def __call__(self, *arrays: Any, **settings: Any) -> Any:
+        """The function's result."""
+        leaves, structure = jax.tree.flatten(arrays)
+        if any(isinstance(leaf, Tracer) for leaf in leaves):
+            return self._jitted(*arrays, **settings)
+        return self._program(arrays, settings, leaves, structure)(*arrays)
+
+    def prepare(self, *arrays: Any, **settings: Any) -> None:
+        """Has the program for arrays like these ready, without running it."""
+        leaves, structure = jax.tree.flatten(arrays)
+        self._program(arrays, settings, leaves, structure)
+
+    def _program(self, arrays: tuple, settings: dict[str, Any], leaves: list, structure: Any) -> Callable[..., Any]:
+        shapes = [(leaf.shape, leaf.dtype) for leaf in leaves]
+        key = (structure, *shapes, *settings.items(), _setting("enable_x64"))
+        program = self._programs.get(key)
+        if program is None:
+            with self._lock:
+                program = self._programs.get(key) or self._load_or_compile(arrays, settings, f"{structure} {shapes}")
+                self._programs[key] = program
+        return program
+
+    def _load_or_compile(self, arrays: tuple, settings: dict[str, Any], shapes: str) -> Callable[..., Any]:
+        from jax.experimental import serialize_executable  # most of what compiles is not stored
+
+        path = self._path(settings, shapes)
+        stored = None if path is None else _read(path)
+        if stored is not None:
+            try:
+                return serialize_executable.deserialize_and_load(*stored)
+            except (RuntimeError, ValueError, TypeError, pickle.UnpicklingError):
+                pass  # of a compiler that can't read it
+        compiled = self._jitted.lower(*arrays, **settings).compile()
+        if path is not None:
+            _write(path, serialize_executable.serialize(compiled))
+        return compiled
+
+    def _path(self, settings: dict[str, Any], shapes: str) -> Path | None:
+        folder = getattr(jax.config, "jax_compilation_cache_dir", None)
+        if not folder:
+            return None
+        what = (_circumstances(), self._jitted.__module__, self._jitted.__qualname__, repr(settings), shapes)
+        name = hashlib.sha256("\n".join(what).encode()).hexdigest()
+        return Path(folder) / "programs" / f"{self._jitted.__name__}-{name}"
+
+
+def together(*preparations: Callable[[], object]) -> None:
+    """Runs preparations side by side: XLA compiles each on a core of its own."""
+    with concurrent.futures.ThreadPoolExecutor(max(len(preparations), 1)) as pool:
+        for done in [pool.submit(each) for each in preparations]:
+            done.result()
+
+
+def _setting(name: str) -> Any:
+    return getattr(jax.config, f"jax_{name}")
+
+
+def _circumstances() -> str:
+    """All that compiled code depends on beside its function and arguments."""
+    device = jax.devices()[0]
+    settings = [_setting(name) for name in _SETTINGS]
+    own = [_source(), jax.__version__, version("jaxlib"), device.platform, device.device_kind, jax.device_count()]
+    return repr([*own, *settings, os.environ.get("XLA_FLAGS"), _processor()])
+
+
+@functools.cache
+def _source() -> str:
+    """A digest of the package's source."""
+    digest, root = hashlib.sha256(), Path(__file__).parent
+    for path in sorted(root.rglob("*.py")):
+        digest.update(str(path.relative_to(root)).encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()
+
+
+@functools.cache
+def _processor() -> str:
+    """The processor, with what its instruction set has, where the system says."""
+    facts = Path("/proc/cpuinfo")
+    lines = facts.read_text().splitlines() if facts.exists() else []
+    told = sorted({line for line in lines if line.startswith(("flags", "Features", "model name"))})
+    return "\n".join([platform.machine(), platform.processor(), *told])
+
+
+def _read(path: Path) -> tuple[Any, Any, Any] | None:
+    """What was stored; None where nothing is, or where it is damaged."""
+    try:
+        data = path.read_bytes()
+    except OSError:
+        return None
+    digest, packed = data[:_DIGEST], data[_DIGEST:]
+    if hashlib.sha256(packed).digest() != digest:
+        return None
+    os.utime(path)
+    return pickle.loads(zlib.decompress(packed))
+
+
+def _write(path: Path, program: tuple[Any, Any, Any]) -> None:
+    """Stores a program; where there is no room or no right to, everything goes on without."""
+    packed = zlib.compress(pickle.dumps(program), level=1)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(path, hashlib.sha256(packed).digest() + packed)
+        for old in sorted(path.parent.iterdir(), key=lambda each: each.stat().st_mtime, reverse=True)[_KEPT:]:
+            old.unlink(missing_ok=True)
+    except OSError:
+        return

@@ -5,6 +5,7 @@ slower picks; see `policies.stop_policy`.
 """
 
 import dataclasses
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
@@ -13,20 +14,22 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jaxtyping import Bool, Float
+from jax.typing import ArrayLike
+from jaxtyping import Bool, Float, Int
 
-from basenet_jax.config import AlignedConfig, WorldConfig
+from basenet_jax.compilation import Stored
+from basenet_jax.config import AlignedConfig, PickConfig, WorldConfig
 from basenet_jax.devices import Devices
 from basenet_jax.planners.aligned_stops import aligned_poses
 from basenet_jax.planners.candidates import Candidates, check_candidates, estimate_times, join
-from basenet_jax.planners.optimistic import settle, stop_scenes
+from basenet_jax.planners.optimistic import TOLERANCE_S, settle, stop_scenes
 from basenet_jax.planners.protocol import PlannerSetup, in_parts
 from basenet_jax.policies.stop_policy import StopGraph, StopPolicy, StopScene, stop_graph
 from basenet_jax.policies.stop_rollout import StopPlan, cheapest, choose_best, plans_of, play, sample
 from basenet_jax.policies.trained import load_stops
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.picking import Reason
-from basenet_jax.task.plan import Plan
+from basenet_jax.task.plan import Outcome, Plan, compiled_execute
 from basenet_jax.world.scene import Scene, Table
 
 _PAIRS = 1536  # of stop and object: all those of ten objects and the aligned stops in reach
@@ -76,9 +79,46 @@ class BaSeNet:
         return self._graph.poses
 
     def __call__(self, scene: Scene, key: Array) -> Plan:
-        """See `Planner`; the key is ignored by a single greedy rollout."""
-        plan, complete = _plan_one(self._program, self._made_for, scene, self._graph, key)
-        return plan if bool(complete) else self._plan_everywhere(scene, key)
+        """See `Planner`; the key is ignored by a single greedy rollout.
+
+        What `settle` does for a batch in one program is done here by small ones, which compile side by side and are
+        shared with whoever judges plans.
+        """
+        times = _estimate(self._made_for.robot, self._graph.poses, scene, config=self._program.world.pick)
+        proposal = self._settle(scene, times, _play_greedily)
+        if self._program.samples and bool(proposal.complete):
+            visited = _sample(self._made_for, self._graph, scene, proposal.pick_time, key, program=self._program)
+            proposal = self._settle(scene, proposal.pick_time, _take_cheapest, visited)
+        return proposal.plan if bool(proposal.complete) else self._plan_everywhere(scene, key)
+
+    def preparations(self, scene: Scene) -> Sequence[Callable[[], object]]:
+        """What makes the programs for scenes of this shape ready, to be run by `compilation.together`."""
+        program, made_for, graph = self._program, self._made_for, self._graph
+        times = np.zeros((len(graph.poses), len(scene.mask)), np.float32)
+        tasks = [
+            partial(compiled_execute.prepare, made_for.robot, scene, _no_plan(scene), config=program.world),
+            partial(_play_greedily.prepare, made_for, graph, scene, times, _nothing_known(times), program=program),
+            partial(_estimate.prepare, made_for.robot, graph.poses, scene, config=program.world.pick),
+        ]
+        if program.samples:
+            visited = np.zeros((program.samples + 1, len(scene.mask)), np.int32)
+            shown = (made_for, graph, scene, times)
+            tasks += [
+                partial(_sample.prepare, *shown, jax.random.key(0), program=program),
+                partial(_take_cheapest.prepare, *shown, _nothing_known(times), visited, program=program),
+            ]
+        return tasks
+
+    def _settle(self, scene: Scene, times: Array, choose: Stored, *shown: Array) -> "_Proposal":
+        """A proposal whose picks take what they were thought to, says the judge; or that doesn't serve everything."""
+        known = _nothing_known(times)
+        while True:
+            proposal = choose(self._made_for, self._graph, scene, times, known, *shown, program=self._program)
+            outcome = compiled_execute(self._made_for.robot, scene, proposal.plan, config=self._program.world)
+            complete, known, holds = jax.device_get(_compare(proposal, outcome))
+            if holds or not complete:
+                return proposal
+            times = proposal.pick_time
 
     def plan_batch(self, scenes: Scene, key: Array) -> Plan:
         """Plans a batch of scenes in one program; see `BatchPlanner`."""
@@ -109,11 +149,18 @@ class BaSeNet:
             candidates, graph = both, self._graph_of(both.base_pose)
         else:
             candidates, graph = dataclasses.replace(aligned, reason=both.reason), self._graph
-        return _plan_checked(self._program, self._made_for, scene, candidates, graph, key)
+        shown = (self._made_for, graph, scene, candidates.pick_time)
+        nothing = _nothing_known(candidates.pick_time)
+        if self._program.samples:
+            visited = _sample(*shown, key, program=self._program)
+            proposal = _take_cheapest(*shown, nothing, visited, program=self._program)
+        else:
+            proposal = _play_greedily(*shown, nothing, program=self._program)
+        return _with_reasons(proposal.plan, candidates)
 
     def _graph_of(self, poses: Float[Array, "K 3"]) -> StopGraph:
         setup = self._setup
-        return _stop_graph(setup.robot, setup.table, poses, setup.world.navigation)
+        return _stop_graph(setup.robot, setup.table, poses, config=setup.world.navigation)
 
 
 class _MadeFor(NamedTuple):
@@ -124,7 +171,22 @@ class _MadeFor(NamedTuple):
     params: Any  # of the policy
 
 
-_stop_graph = jax.jit(stop_graph, static_argnames="config")
+class _Known(NamedTuple):
+    """Pick times that the judge found, of M pairs of stop and object; a stop past the last: none."""
+
+    stop: ArrayLike  # Int[" M"]
+    slot: ArrayLike  # likewise
+    time: ArrayLike  # s; infinite where the pick isn't feasible
+
+
+class _Proposal(NamedTuple):
+    """A plan of one scene, and what it was made on; arrays with an axis of M are by step."""
+
+    plan: Plan
+    complete: Bool[Array, ""]  # whether every object is served
+    stop: Int[Array, " M"]
+    thought: Float[Array, " M"]  # s, pick times
+    pick_time: Float[Array, "K M"]  # s, of all pairs, with those that are known
 
 
 @dataclass(frozen=True)
@@ -135,42 +197,84 @@ class _Program:
     samples: int  # rollouts drawn beside the greedy one
     world: WorldConfig
 
-    def plan_stops(self, made_for: _MadeFor, scenes: Scene, graph: StopGraph, times: Array, keys: Array) -> StopPlan:
-        """Plans of a batch by pick times that are estimated, or exact."""
-        robot, table, params = made_for
 
-        def play_greedily(own: StopScene) -> StopPlan:
-            return plans_of(graph, own, play(self.policy, params, graph, own, choose_best))
-
-        greedy = settle(robot, table, graph, scenes, times, play_greedily, self.world, at_once=_SCENES_AT_ONCE)
-        if not self.samples:
-            return greedy.plan
-
-        def sample_one(own: tuple[Scene, Array, Array]) -> StopPlan:
-            """On the times that the greedy plan left, so that the best of all is no worse than it."""
-            scene, times, key = own
-            batch = jax.tree.map(lambda x: x[None], scene)
-
-            def draw(own: StopScene) -> Array:
-                return sample(self.policy, params, graph, jax.tree.map(lambda x: x[0], own), key, self.samples)
-
-            visited = draw(stop_scenes(robot, table, graph, batch, times[None], self.world))
-
-            def take_cheapest(own: StopScene) -> StopPlan:
-                return jax.vmap(cheapest, in_axes=(None, 0, None))(graph, own, visited)
-
-            settled = settle(robot, table, graph, batch, times[None], take_cheapest, self.world, at_once=1)
-            return jax.tree.map(lambda x: x[0], settled.plan)
-
-        return jax.lax.map(sample_one, (scenes, greedy.pick_time, keys))
+_stop_graph = Stored(stop_graph, static=("config",))
 
 
-@jax.jit(static_argnames="program")
-def _plan_one(
-    program: _Program, made_for: _MadeFor, scene: Scene, graph: StopGraph, key: Array
-) -> tuple[Plan, Bool[Array, ""]]:
-    one = jax.tree.map(lambda x: x[None], (scene, key))
-    return jax.tree.map(lambda x: x[0], _plan_many(program, made_for, one[0], graph, one[1]))
+@partial(Stored, static=("config",))
+def _estimate(robot: Robot, poses: Float[Array, "K 3"], scene: Scene, *, config: PickConfig) -> Float[Array, "K M"]:
+    return estimate_times(robot, poses, scene.grasps, scene.mask, config, pairs_at_once=_PAIRS)
+
+
+@partial(Stored, static=("program",))
+def _play_greedily(
+    made_for: _MadeFor, graph: StopGraph, scene: Scene, times: Array, known: _Known, *, program: _Program
+) -> _Proposal:
+    times, own = _stop_scene(made_for, graph, scene, times, known, program)
+    visited = play(program.policy, made_for.params, graph, own, choose_best)
+    return _propose(graph, scene, times, plans_of(graph, own, visited))
+
+
+@partial(Stored, static=("program",))
+def _sample(
+    made_for: _MadeFor, graph: StopGraph, scene: Scene, times: Array, key: Array, *, program: _Program
+) -> Int[Array, "S M"]:
+    """The stops of the greedy rollout and of sampled ones, on these pick times."""
+    _, own = _stop_scene(made_for, graph, scene, times, _nothing_known(times), program)
+    one = jax.tree.map(lambda x: x[0], own)
+    return sample(program.policy, made_for.params, graph, one, key, program.samples)
+
+
+@partial(Stored, static=("program",))
+def _take_cheapest(
+    made_for: _MadeFor,
+    graph: StopGraph,
+    scene: Scene,
+    times: Array,
+    known: _Known,
+    visited: Int[Array, "S M"],
+    *,
+    program: _Program,
+) -> _Proposal:
+    times, own = _stop_scene(made_for, graph, scene, times, known, program)
+    return _propose(graph, scene, times, jax.vmap(cheapest, in_axes=(None, 0, None))(graph, own, visited))
+
+
+@jax.jit
+def _compare(proposal: _Proposal, outcome: Outcome) -> tuple[Bool[Array, ""], _Known, Bool[Array, ""]]:
+    """Whether the proposal is complete, what the judge found of its picks, and whether that is what was thought."""
+    served, exact = proposal.plan.served, jnp.where(outcome.feasible, outcome.pick_time, jnp.inf)
+    stop = jnp.where(served, proposal.stop, len(proposal.pick_time))
+    holds = jnp.all(~served | (jnp.abs(exact - proposal.thought) <= TOLERANCE_S))
+    return proposal.complete, _Known(stop, proposal.plan.object_index, exact), holds
+
+
+def _stop_scene(
+    made_for: _MadeFor, graph: StopGraph, scene: Scene, times: Array, known: _Known, program: _Program
+) -> tuple[Float[Array, "K M"], StopScene]:
+    """The pick times with those that are known, and the scene on the graph by them, as a batch of one."""
+    times = jnp.asarray(times).at[known.stop, known.slot].set(jnp.asarray(known.time), mode="drop")
+    one = jax.tree.map(lambda x: x[None], scene)
+    return times, stop_scenes(made_for.robot, made_for.table, graph, one, times[None], program.world)
+
+
+def _propose(graph: StopGraph, scene: Scene, times: Float[Array, "K M"], stops: StopPlan) -> _Proposal:
+    """The proposal of a batch of one."""
+    own = jax.tree.map(lambda x: x[0], stops)
+    unserved = jnp.full(scene.mask.shape, int(Reason.UNREACHABLE))
+    plan, stop = _as_plan(scene, own, graph, unserved)
+    thought = times[stop, jnp.maximum(plan.object_index, 0)]
+    return _Proposal(plan, jnp.all((own.picked_at >= 0) | ~scene.mask), stop, thought, times)
+
+
+def _nothing_known(times: ArrayLike) -> _Known:
+    stops, slots = np.shape(times)
+    return _Known(np.full(slots, stops, np.int32), np.zeros(slots, np.int32), np.zeros(slots, np.float32))
+
+
+def _no_plan(scene: Scene) -> Plan:
+    none = jnp.zeros(len(scene.mask), jnp.int32)
+    return Plan(none - 1, jnp.zeros((len(none), 3)), none > 0, none)
 
 
 @jax.jit(static_argnames="program")
@@ -178,13 +282,34 @@ def _plan_many(
     program: _Program, made_for: _MadeFor, scenes: Scene, graph: StopGraph, keys: Array
 ) -> tuple[Plan, Bool[Array, " B"]]:
     """Plans by estimated pick times, and whether each serves every object."""
-    robot, _, _ = made_for
+    robot, table, params = made_for
     at_once = min(len(scenes.mask), _PAIRS_AT_ONCE // _PAIRS) * _PAIRS
     times = estimate_times(robot, graph.poses, scenes.grasps, scenes.mask, program.world.pick, pairs_at_once=at_once)
-    stops = program.plan_stops(made_for, scenes, graph, times, keys)
+
+    def play_greedily(own: StopScene) -> StopPlan:
+        return plans_of(graph, own, play(program.policy, params, graph, own, choose_best))
+
+    greedy = settle(robot, table, graph, scenes, times, play_greedily, program.world, at_once=_SCENES_AT_ONCE)
+
+    def sample_one(own: tuple[Scene, Array, Array]) -> StopPlan:
+        """On the times that the greedy plan left, so that the best of all is no worse than it."""
+        scene, times, key = own
+        batch = jax.tree.map(lambda x: x[None], scene)
+        problem = stop_scenes(robot, table, graph, batch, times[None], program.world)
+        one = jax.tree.map(lambda x: x[0], problem)
+        visited = sample(program.policy, params, graph, one, key, program.samples)
+
+        def take_cheapest(own: StopScene) -> StopPlan:
+            return jax.vmap(cheapest, in_axes=(None, 0, None))(graph, own, visited)
+
+        settled = settle(robot, table, graph, batch, times[None], take_cheapest, program.world, at_once=1)
+        return jax.tree.map(lambda x: x[0], settled.plan)
+
+    sampled = program.samples > 0
+    stops = jax.lax.map(sample_one, (scenes, greedy.pick_time, keys)) if sampled else greedy.plan
     unserved = jnp.full(scenes.mask.shape, int(Reason.UNREACHABLE))
-    complete = jnp.all((stops.picked_at >= 0) | ~scenes.mask, axis=-1)
-    return jax.vmap(_as_plan, in_axes=(0, 0, None, 0))(scenes, stops, graph, unserved), complete
+    plans, _ = jax.vmap(_as_plan, in_axes=(0, 0, None, 0))(scenes, stops, graph, unserved)
+    return plans, jnp.all((stops.picked_at >= 0) | ~scenes.mask, axis=-1)
 
 
 @jax.jit(static_argnames=("devices", "program"))
@@ -195,28 +320,26 @@ def _plan_apart(
     return plan(made_for, scenes, graph, keys)
 
 
-@jax.jit(static_argnames="program")
-def _plan_checked(
-    program: _Program, made_for: _MadeFor, scene: Scene, candidates: Candidates, graph: StopGraph, key: Array
-) -> Plan:
-    """The plan of one scene by exact pick times; objects that it doesn't serve have their reasons."""
-    one = jax.tree.map(lambda x: x[None], (scene, candidates.pick_time, key))
-    stops = program.plan_stops(made_for, one[0], graph, one[1], one[2])
+@jax.jit
+def _with_reasons(plan: Plan, candidates: Candidates) -> Plan:
+    """The plan, with why its unserved objects are not: no candidate serves them, or none that does can be reached."""
     reachable = jnp.any(jnp.isfinite(candidates.pick_time), axis=0)
-    reason = jnp.where(reachable, int(Reason.UNREACHABLE), candidates.reason)
-    return _as_plan(scene, jax.tree.map(lambda x: x[0], stops), graph, reason)
+    reason = jnp.where(reachable, int(Reason.UNREACHABLE), candidates.reason)[jnp.maximum(plan.object_index, 0)]
+    given = plan.served | (plan.object_index < 0)
+    return dataclasses.replace(plan, reason=jnp.where(given, int(Reason.NONE), reason))
 
 
-def _as_plan(scene: Scene, stops: StopPlan, graph: StopGraph, reason: Array) -> Plan:
-    """One step for each object, by its visit; those not served come last."""
+def _as_plan(scene: Scene, stops: StopPlan, graph: StopGraph, reason: Array) -> tuple[Plan, Int[Array, " M"]]:
+    """One step for each object, by its visit; those not served come last. And each step's stop."""
     last = len(scene.mask)
     visit = jnp.where(stops.picked_at >= 0, stops.picked_at, jnp.where(scene.mask, last, last + 1))
     order = jnp.argsort(visit, stable=True)
     served = visit[order] < last
-    poses = graph.poses[stops.stops[jnp.minimum(visit[order], last - 1)]]
-    return Plan(
+    stop = jnp.maximum(stops.stops[jnp.minimum(visit[order], last - 1)], 0)
+    plan = Plan(
         object_index=jnp.where(scene.mask[order], order, -1),
-        base_pose=jnp.where(served[:, None], poses, 0.0),
+        base_pose=jnp.where(served[:, None], graph.poses[stop], 0.0),
         served=served,
         reason=jnp.where(served | ~scene.mask[order], int(Reason.NONE), reason[order]),
     )
+    return plan, stop

@@ -1,7 +1,7 @@
 """What every planner has in common."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -57,6 +57,15 @@ class BatchPlanner(Planner, Protocol):
         Raises:
             PlanningError: the planner can't serve such a scene; the message says what can.
         """
+        ...
+
+
+@runtime_checkable
+class PreparedPlanner(Planner, Protocol):
+    """A planner whose programs may be made ready before the first call, side by side."""
+
+    def preparations(self, scene: Scene) -> Sequence[Callable[[], object]]:
+        """What makes the programs for scenes of this shape ready, to be run by `compilation.together`."""
         ...
 
 

@@ -136,8 +136,8 @@ def _least_way(ways: _Ways) -> Array:
 def _all_ways(ways: _Ways) -> Iterator[tuple[Array, tuple[int, ...]]]:
     """Yields the duration of every way in its better gear, infinite if not allowed, and the corners that it goes over.
 
-    What ways share (turns at both ends, legs) is computed once for all vias; only sums are unrolled, which on a CPU take
-    a third of the time that they take as arrays over vias.
+    What ways share (turns at both ends, legs) is computed once for all vias; only sums are unrolled, which on a CPU
+    take a third of the time that they take as arrays over vias.
     """
     robot, heading, goal_heading = ways.robot, ways.p[2], ways.q[2]
     gears = (0.0, jnp.pi)  # forward, reverse: the base's heading is opposite to the direction of travel

@@ -6,6 +6,7 @@ from flax import struct
 from jax import Array
 from jaxtyping import Bool, Float, Int
 
+from basenet_jax.compilation import Stored
 from basenet_jax.config import WorldConfig
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.navigation import navigation_time
@@ -103,3 +104,6 @@ def execute(
         pick_time=jnp.where(feasible, picks.time, 0.0),
         joints=picks.joints,
     )
+
+
+compiled_execute = Stored(execute, static=("config",))
