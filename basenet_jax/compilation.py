@@ -50,9 +50,9 @@ def enable_cache() -> None:
 class Stored:
     """A jitted function of arrays on one device, whose programs are kept in memory and in the folder of JAX's cache.
 
-    Called under a transformation it is the function that it was made of. A stored program is used only by the very
-    source, versions, kind of device and settings that it was made by; what is damaged or doesn't load is made again.
-    Like JAX's own cache, the folder is trusted: it is the user's.
+    Called under a transformation, or where there are several devices, it is the jitted function itself. A stored
+    program is used only by the very source, versions, kind of device and settings that it was made by; what is damaged
+    or doesn't load is made again. Like JAX's own cache, the folder is trusted: it is the user's.
     """
 
     def __init__(self, function: Callable[..., Any], *, static: tuple[str, ...] = ()):
@@ -70,7 +70,7 @@ class Stored:
     def __call__(self, *arrays: Any, **settings: Any) -> Any:
         """The function's result."""
         leaves, structure = jax.tree.flatten(arrays)
-        if any(isinstance(leaf, Tracer) for leaf in leaves):
+        if jax.device_count() > 1 or any(isinstance(leaf, Tracer) for leaf in leaves):
             return self._jitted(*arrays, **settings)
         return self._program(arrays, settings, leaves, structure)(*arrays)
 
@@ -78,6 +78,11 @@ class Stored:
         """Has the program for arrays like these ready, without running it."""
         leaves, structure = jax.tree.flatten(arrays)
         self._program(arrays, settings, leaves, structure)
+
+    @property
+    def count(self) -> int:
+        """How many programs it has in memory: one for each shape and setting that it was called with."""
+        return len(self._programs)
 
     def _program(self, arrays: tuple, settings: dict[str, Any], leaves: list, structure: Any) -> Callable[..., Any]:
         shapes = [(leaf.shape, leaf.dtype) for leaf in leaves]
@@ -99,18 +104,60 @@ class Stored:
                 return serialize_executable.deserialize_and_load(*stored)
             except (RuntimeError, ValueError, TypeError, pickle.UnpicklingError):
                 pass  # of a compiler that can't read it
-        compiled = self._jitted.lower(*arrays, **settings).compile()
-        if path is not None:
-            _write(path, serialize_executable.serialize(compiled))
+        lowered = self._jitted.lower(*arrays, **settings)
+        if path is None:
+            return lowered.compile()
+        with _anew:
+            compiled = lowered.compile()
+        _write(path, serialize_executable.serialize(compiled))
         return compiled
 
     def _path(self, settings: dict[str, Any], shapes: str) -> Path | None:
-        folder = getattr(jax.config, "jax_compilation_cache_dir", None)
+        folder = _anew.folder
         if not folder:
             return None
         what = (_circumstances(), self._jitted.__module__, self._jitted.__qualname__, repr(settings), shapes)
         name = hashlib.sha256("\n".join(what).encode()).hexdigest()
         return Path(folder) / "programs" / f"{self._jitted.__name__}-{name}"
+
+
+class _Anew:
+    """While anybody is inside, JAX's cache is off: what XLA has read from it loses its code when it is written again.
+
+    What else compiles meanwhile isn't cached then, which does no harm.
+    """
+
+    def __init__(self):
+        self._lock, self._inside, self._folder = threading.Lock(), 0, None
+
+    def __enter__(self) -> None:
+        with self._lock:
+            if not self._inside:
+                self._folder = _setting("compilation_cache_dir")
+                self._switch(None)
+            self._inside += 1
+
+    def __exit__(self, *_: object) -> None:
+        with self._lock:
+            self._inside -= 1
+            if not self._inside:
+                self._switch(self._folder)
+
+    @property
+    def folder(self) -> str | None:
+        """That of JAX's cache, if it has one."""
+        with self._lock:
+            return self._folder if self._inside else _setting("compilation_cache_dir")
+
+    @staticmethod
+    def _switch(folder: str | None) -> None:
+        from jax.experimental.compilation_cache import compilation_cache
+
+        jax.config.update("jax_compilation_cache_dir", folder)
+        compilation_cache.reset_cache()
+
+
+_anew = _Anew()
 
 
 def together(*preparations: Callable[[], object]) -> None:

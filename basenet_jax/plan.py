@@ -111,19 +111,19 @@ def _report(options: Arguments, scene: "NamedScene", setup: "PlannerSetup", time
     from basenet_jax.plan_outputs import OutputError, write_outputs
     from basenet_jax.planners.explanation import count_reasons
 
-    outcome = jax.device_get(api.execute(scene, timed.plan))
+    plan, outcome = jax.device_get((timed.plan, api.execute(scene, timed.plan)))
     counts = count_reasons(setup, scene.arrays) if options.explain else None
     try:
         said = write_outputs(options, setup.robot, scene, timed, outcome)
     except OutputError as error:
         return _fail(2, str(error))
-    print_plan(scene, timed.plan, outcome)
+    print_plan(scene, plan, outcome)
     compiled = f"compiled before, in {timed.compile_time_s:.3g} s"
     print(f"planned by {options.planner} in {timed.planning_time_s:.3g} s ({compiled})")
     if counts is not None:
         print_explanation(scene, counts)
     print(*said, sep="\n", end="\n" if said else "")
-    failed = failures(scene, timed.plan, outcome)
+    failed = failures(scene, plan, outcome)
     if not failed:
         return 0
     lines = "".join(f"\n  {name}: {reason}" for name, reason in failed)

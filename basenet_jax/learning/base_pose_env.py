@@ -4,10 +4,10 @@ import dataclasses
 
 import jax
 import jax.numpy as jnp
-from flax import struct
 from jax import Array
 from jaxtyping import Bool, Float
 
+from basenet_jax import struct
 from basenet_jax.config import WorldConfig
 from basenet_jax.learning._brax import Env, State
 from basenet_jax.learning.config import BasePoseRewardConfig

@@ -12,10 +12,10 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import optax
-from flax import struct
 from jax import Array
 from jaxtyping import Float
 
+from basenet_jax import struct
 from basenet_jax.config import WorldConfig
 from basenet_jax.devices import ONE_DEVICE, Devices
 from basenet_jax.learning.config import ReinforceConfig

@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import optax
-from flax import struct
 from jax import Array
 
+from basenet_jax import struct
 from basenet_jax.devices import ONE_DEVICE, Devices
 from basenet_jax.learning._brax import (
     State,

@@ -14,10 +14,10 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import optax
-from flax import struct
 from jax import Array
 from jaxtyping import Float, Int
 
+from basenet_jax import struct
 from basenet_jax.config import AlignedConfig, WorldConfig
 from basenet_jax.devices import ONE_DEVICE, Devices
 from basenet_jax.learning.config import StopLearningConfig

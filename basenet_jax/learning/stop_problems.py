@@ -9,10 +9,10 @@ import dataclasses
 import jax
 import jax.numpy as jnp
 import numpy as np
-from flax import struct
 from jax import Array
 from jaxtyping import Float, Int
 
+from basenet_jax import struct
 from basenet_jax.config import WorldConfig
 from basenet_jax.planners.candidates import check_candidates
 from basenet_jax.policies.stop_policy import StopGraph, StopScene, access_time

@@ -273,8 +273,10 @@ def _nothing_known(times: ArrayLike) -> _Known:
 
 
 def _no_plan(scene: Scene) -> Plan:
-    none = jnp.zeros(len(scene.mask), jnp.int32)
-    return Plan(none - 1, jnp.zeros((len(none), 3)), none > 0, none)
+    """Of as many steps as the scene has slots, on the host."""
+    index = np.full(len(scene.mask), -1, np.int32)
+    none: Any = (index, np.zeros((len(index), 3), np.float32), index >= 0, np.zeros_like(index))
+    return Plan(*none)
 
 
 @jax.jit(static_argnames="program")

@@ -13,10 +13,10 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from flax import struct
 from jax import Array
 from jaxtyping import Bool, Float
 
+from basenet_jax import struct
 from basenet_jax.config import GridConfig, PickConfig
 from basenet_jax.geometry import relative
 from basenet_jax.planners.candidates import Candidates

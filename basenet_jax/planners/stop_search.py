@@ -11,10 +11,10 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from flax import struct
 from jax import Array
 from jaxtyping import Float, Int, PRNGKeyArray
 
+from basenet_jax import struct
 from basenet_jax.planners.stop_moves import NEVER, Costs, best_neighbour, make_costs, route_cost
 
 MAX_STOPS = 20  # 50 random objects on the default table need 16 at most

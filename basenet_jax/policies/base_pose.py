@@ -6,10 +6,10 @@ from typing import Literal
 
 import jax
 import jax.numpy as jnp
-from flax import struct
 from jax import Array
 from jaxtyping import Float
 
+from basenet_jax import struct
 from basenet_jax.geometry import compose, relative
 from basenet_jax.trigonometry import atan2, sin_cos, wrap_angle
 

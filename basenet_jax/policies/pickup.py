@@ -7,10 +7,10 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-from flax import struct
 from jax import Array
 from jaxtyping import Bool, Float, Int
 
+from basenet_jax import struct
 from basenet_jax.config import WorldConfig
 from basenet_jax.policies.base_pose import BasePosePolicy
 from basenet_jax.policies.grasp_sequence import GraspSequencePolicy, compact_sizes, remaining_logits

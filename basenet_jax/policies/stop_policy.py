@@ -10,10 +10,10 @@ from typing import NamedTuple
 import flax.linen as nn
 import jax
 import jax.numpy as jnp
-from flax import struct
 from jax import Array
 from jaxtyping import Bool, Float
 
+from basenet_jax import struct
 from basenet_jax.config import NavigationConfig
 from basenet_jax.policies.graph_attention import FirstLayer, Layer, dense
 from basenet_jax.policies.grasp_sequence import object_features, robot_features

@@ -1,8 +1,9 @@
 """The robot as one frozen pytree, made by `robot.reading` from its robot file and the model that this names."""
 
-from flax import struct
 from jax import Array
 from jaxtyping import Float
+
+from basenet_jax import struct
 
 
 @struct.dataclass

@@ -13,10 +13,10 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from flax import struct
 from jax import Array
 from jaxtyping import Bool, Float, Int
 
+from basenet_jax import struct
 from basenet_jax.config import PickConfig
 from basenet_jax.robot.ik import damped_least_squares, residual
 from basenet_jax.robot.kinematics import Vector, components

@@ -2,10 +2,10 @@
 
 import jax
 import jax.numpy as jnp
-from flax import struct
 from jax import Array
 from jaxtyping import Bool, Float, Int
 
+from basenet_jax import struct
 from basenet_jax.compilation import Stored
 from basenet_jax.config import WorldConfig
 from basenet_jax.robot.model import Robot
@@ -42,17 +42,17 @@ class Outcome:
     @property
     def grasped(self) -> Int[Array, "*batch"]:
         """Number of objects grasped."""
-        return jnp.sum(self.feasible, axis=-1)
+        return self.feasible.sum(axis=-1)
 
     @property
     def navigation(self) -> Float[Array, "*batch"]:
         """Navigation time N of the whole plan (s)."""
-        return jnp.sum(self.navigation_time, axis=-1)
+        return self.navigation_time.sum(axis=-1)
 
     @property
     def picking(self) -> Float[Array, "*batch"]:
         """Grasping time G of the whole plan (s)."""
-        return jnp.sum(self.pick_time, axis=-1)
+        return self.pick_time.sum(axis=-1)
 
     @property
     def execution(self) -> Float[Array, "*batch"]:

@@ -22,10 +22,10 @@ import jax
 import jax.extend
 import jax.numpy as jnp
 import numpy as np
-from flax import struct
 from jax import Array
 from jaxtyping import Bool, Float
 
+from basenet_jax import struct
 from basenet_jax.config import PickConfig, TableConfig
 from basenet_jax.robot.kinematics import Vector
 from basenet_jax.robot.model import Robot

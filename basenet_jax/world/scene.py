@@ -4,10 +4,10 @@ import math
 from dataclasses import dataclass
 
 import jax.numpy as jnp
-from flax import struct
 from jax import Array
 from jaxtyping import Bool, Float, Int
 
+from basenet_jax import struct
 from basenet_jax.config import MAX_OBJECTS as MAX_OBJECTS
 from basenet_jax.config import TableConfig
 from basenet_jax.trigonometry import sin_cos

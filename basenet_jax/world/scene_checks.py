@@ -1,7 +1,6 @@
 """What a scene must be beyond having the right fields."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from msgspec import UNSET, UnsetType
 
@@ -94,7 +93,7 @@ def _choose_robot(fields: RobotFields, robot: str | None) -> str:
 
 def _check_start(robot: Robot, fields: RobotFields, table: Table) -> None:
     rule = PickConfig()
-    start = jnp.array(fields.start)
+    start = np.array(fields.start, np.float32)
     if _base_collides(robot, start, table, rule.base_clearance_m, rule.touching_m):
         found = f"{list(fields.start)}, where the base of {robot.name} touches the table or its margin"
         raise field_error("robot.start", found, f"are poses more than {rule.base_clearance_m} m clear of the table")

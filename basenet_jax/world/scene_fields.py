@@ -1,8 +1,8 @@
 """The fields of the scene file, `basenet-scene/1`."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
-import jax.numpy as jnp
+import numpy as np
 from msgspec import UNSET, Meta, Struct, UnsetType, field
 
 from basenet_jax.config import TableConfig
@@ -102,5 +102,6 @@ def grasp_of(item: ObjectFields) -> tuple[float, float, float]:
 
 
 def make_table(table: TableFields) -> Table:
-    """The table in float32."""
-    return Table(half_size=jnp.array(table.size) / 2, height=jnp.array(table.height))
+    """The table in float32, on the host."""
+    sides: Any = (np.array(table.size, np.float32) / 2, np.array(table.height, np.float32))
+    return Table(*sides)

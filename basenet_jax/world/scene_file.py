@@ -2,9 +2,9 @@
 
 import os
 from pathlib import Path
+from typing import Any
 
 import jax
-import jax.numpy as jnp
 import msgspec
 import numpy as np
 
@@ -82,18 +82,19 @@ def _is_json(path: str | os.PathLike[str]) -> bool:
 
 def _from_fields(fields: SceneFields, robot: str) -> NamedScene:
     classes = {name: index for index, name in enumerate(CLASSES)}
-    arrays = Scene(
-        object_pose=jnp.array([item.pose for item in fields.objects]),
-        object_size=jnp.array([size_of(item) for item in fields.objects]),
-        object_grasp=jnp.array([grasp_of(item) for item in fields.objects]),
-        object_class=jnp.array([classes.get(str(item.class_), -1) for item in fields.objects]),
-        mask=jnp.ones(len(fields.objects), bool),
-        robot_start=jnp.array(fields.robot.start),
-        table=make_table(fields.table),
-    )
+    objects = fields.objects
+    arrays: dict[str, Any] = {  # made on the host: each operation of JAX's own would be compiled
+        "object_pose": np.array([item.pose for item in objects], np.float32),
+        "object_size": np.array([size_of(item) for item in objects], np.float32),
+        "object_grasp": np.array([grasp_of(item) for item in objects], np.float32),
+        "object_class": np.array([classes.get(str(item.class_), -1) for item in objects], np.int32),
+        "mask": np.ones(len(objects), bool),
+        "robot_start": np.array(fields.robot.start, np.float32),
+    }
+    scene = jax.device_put(Scene(**arrays, table=make_table(fields.table)))
     named = None if isinstance(fields.robot.model, msgspec.UnsetType) else fields.robot.model
     other = named if named != robot_name(robot) else None
-    return NamedScene(arrays, tuple(item.name for item in fields.objects), robot, other)
+    return NamedScene(scene, tuple(item.name for item in fields.objects), robot, other)
 
 
 def _to_fields(scene: NamedScene) -> SceneFields:

@@ -2,14 +2,14 @@
 
 import json
 import time
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from playwright.sync_api import expect, sync_playwright
 
-from basenet_jax import api
 from basenet_jax.planners.greedy_stops import greedy_stops
+from basenet_jax.task.plan import compiled_execute
 from basenet_jax.viewer.app import Viewer
 from basenet_jax.viewer.pointing import Target
 from basenet_jax.viewer.session import Choices
@@ -203,8 +203,10 @@ def test_a_second_tab_and_a_reload_show_the_same(viewer, browser, page, errors):
 
 
 def test_objects_are_added_and_removed_and_nothing_compiles_again(viewer, page):
-    programs: list[Any] = [greedy_stops, api._execute]
-    compiled = [program._cache_size() for program in programs]
+    def programs() -> list[int]:
+        return [cast(Any, greedy_stops)._cache_size(), compiled_execute.count]
+
+    compiled = programs()
     page.get_by_role("button", name="Add an object of this class").click()
     wait_for(lambda: viewer.session.scene.names == ("mug_1", "mug_2", "cracker_box_1"))
     assert viewer.session.wait_idle(PATIENCE_S)
@@ -213,7 +215,7 @@ def test_objects_are_added_and_removed_and_nothing_compiles_again(viewer, page):
     wait_for(lambda: viewer.session.scene.names == ("mug_1", "mug_2"))
     shows(page, ["2 of 2"])
     assert viewer.session.wait_idle(PATIENCE_S)
-    assert [program._cache_size() for program in programs] == compiled
+    assert programs() == compiled
 
 
 def test_two_planners_side_by_side(viewer, page):
