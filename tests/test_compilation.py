@@ -2,6 +2,7 @@
 
 import functools
 from types import SimpleNamespace
+from typing import Any, cast
 
 import jax
 import jax.numpy as jnp
@@ -44,7 +45,7 @@ def only_stored():
         raise LookupError
 
     stored = new()
-    stored._jitted = functools.update_wrapper(SimpleNamespace(lower=lower), scaled_sine)
+    stored._jitted = functools.update_wrapper(cast(Any, SimpleNamespace(lower=lower)), scaled_sine)
     return stored
 
 
@@ -77,7 +78,7 @@ def test_what_jax_had_cached_before_is_stored_whole(folder):
     jax.clear_caches()
     new()(X, factor=2.0)
     check(only_stored()(X, factor=2.0))
-    assert jax.config.jax_compilation_cache_dir == str(folder)
+    assert jax.config.values["jax_compilation_cache_dir"] == str(folder)
 
 
 @pytest.mark.parametrize(
