@@ -1,26 +1,34 @@
+from functools import partial
+
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from basenet_jax.robot import ik
 from basenet_jax.robot.ik import damped_least_squares, solve_ik
-from basenet_jax.robot.kinematics import Frame, components, forward_kinematics
+from basenet_jax.robot.kinematics import Frame, components
+from tests import compiled
+from tests.compiled import forward_kinematics
 from tests.oracles import arm as oracle
 
 # float32 knows a pose of the arm to 2e-6 (m or rad); the solver's fixed point moves by no more.
 FLOAT32 = 5e-6
 POSITION, ORIENTATION = 1e-3, np.radians(0.5)
 
-solve = jax.jit(solve_ik, static_argnames=("iterations",))
-fixed_point = jax.jit(damped_least_squares, static_argnames=("iterations", "max_step"))
+_solve, fixed_point = jax.jit(solve_ik), jax.jit(damped_least_squares)
+
+
+def solve(robot, position, rotation, seed, iterations=30):
+    """`solve_ik` of any batch of poses, in rows of one number."""
+    call = partial(_solve, robot, iterations=iterations)
+    return compiled.by_rows(call, position, rotation, seed)
 
 
 @pytest.fixture(scope="module")
 def reachable(robot):
     """Joints well inside the limits and the poses they reach, in float32."""
     joints = np.random.default_rng(5).uniform(-2.5, 2.5, size=(256, 6)).astype(np.float32)
-    return joints, *forward_kinematics(robot, jnp.asarray(joints))
+    return joints, *forward_kinematics(robot, joints)
 
 
 def target(position, rotation):
@@ -61,11 +69,11 @@ def test_convergence_is_quadratic_near_the_target(robot, reachable):
 
 def test_unreachable_target_is_approached_but_not_converged(robot):
     """3 m away: the arm ends up stretched towards it, the error is what is missing."""
-    position = jnp.array([3.0, 0.0, 0.3])
-    rotation = jnp.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
-    result = solve(robot, position, rotation, jnp.array([0.2, -0.5, 0.4, -0.3, -1.2, 0.1]), iterations=200)
-    assert not result.converged
-    assert 1.9 < result.position_error < 2.3
+    position = np.array([[3.0, 0.0, 0.3]])
+    rotation = np.array([[[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]])
+    result = solve(robot, position, rotation, np.array([[0.2, -0.5, 0.4, -0.3, -1.2, 0.1]]), iterations=200)
+    assert not result.converged[0]
+    assert 1.9 < result.position_error[0] < 2.3
     assert np.all(np.isfinite(result.joints))
 
 
@@ -93,8 +101,8 @@ def test_errors_and_flag_are_those_of_the_joints(robot, reachable):
 )
 def test_tolerances_decide(robot, reachable, offset, turn, converged):
     joints, position, rotation = (array[:16] for array in reachable)
-    twist = jnp.array(oracle.rotation_z(turn)[:3, :3], jnp.float32)
-    result = solve(robot, position + jnp.array([0.0, 0.0, offset]), rotation @ twist, joints, iterations=0)
+    twist = np.array(oracle.rotation_z(turn)[:3, :3], np.float32)
+    result = solve(robot, position + np.array([0.0, 0.0, offset]), rotation @ twist, joints, iterations=0)
     np.testing.assert_array_equal(result.converged, converged)
 
 
@@ -130,9 +138,10 @@ def test_a_clipped_step_keeps_its_direction(robot, reachable):
 
 def test_a_large_batch_is_solved_like_its_parts(robot, monkeypatch):
     monkeypatch.setattr(ik, "CHUNK", 8)
-    seeds = jax.random.uniform(jax.random.key(5), (21, robot.dof), minval=-1.0, maxval=1.0)
+    seeds = np.random.default_rng(5).uniform(-1.0, 1.0, (21, robot.dof)).astype(np.float32)
     position, rotation = forward_kinematics(robot, seeds + 0.1)
-    whole = ik.solve_ik(robot, position, rotation, seeds, iterations=5)
-    parts = [ik.solve_ik(robot, position[i], rotation[i], seeds[i], iterations=5) for i in range(21)]
-    np.testing.assert_allclose(whole.joints, np.stack([part.joints for part in parts]), atol=1e-5)
+    whole = _solve(robot, position, rotation, seeds, iterations=5)
+    monkeypatch.undo()
+    at_once = solve(robot, position, rotation, seeds, iterations=5)
+    np.testing.assert_allclose(whole.joints, at_once.joints, atol=1e-5)
     assert whole.converged.shape == (21,)

@@ -24,7 +24,7 @@ def joints(robot):
 def in_double(function, *arguments):
     """Evaluated in float64."""
     with jax.enable_x64(True):
-        return jax.tree.map(np.asarray, function(*(jnp.asarray(argument, float) for argument in arguments)))
+        return jax.tree.map(np.asarray, jax.jit(function)(*(np.asarray(argument, float) for argument in arguments)))
 
 
 def poses(position, rotation):

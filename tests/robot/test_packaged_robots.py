@@ -1,14 +1,12 @@
 """Every packaged robot: the maker's numbers, and a home and a stow that make sense."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from basenet_jax.robot.kinematics import forward_kinematics
 from basenet_jax.robot.reading import load_robot, packaged_robots
-from basenet_jax.world.clearance import arm_collides
 from basenet_jax.world.scene import Table
+from tests import compiled
 
 HALF_PI = np.pi / 2
 # Denavit-Hartenberg parameters as the makers publish them: d, a, alpha, one row for each joint.
@@ -60,7 +58,7 @@ def panda_tool(joints):
 
 def tool_in_base(robot, joints):
     with jax.enable_x64(True):
-        position, rotation = forward_kinematics(robot, jnp.asarray(joints, float))
+        position, rotation = (x[0] for x in compiled.forward_kinematics(robot, np.asarray(joints, float)[None]))
     mount = np.asarray(robot.mount_rotation)
     return mount @ np.asarray(position) + robot.mount_position, mount @ np.asarray(rotation)
 
@@ -74,7 +72,7 @@ def test_the_tool_is_where_the_makers_parameters_put_it(name):
     robot = load_robot(name)
     joints = np.random.default_rng(1).uniform(robot.joint_lower, robot.joint_upper, (20, robot.dof))
     with jax.enable_x64(True):
-        position, rotation = (np.asarray(x) for x in forward_kinematics(robot, jnp.asarray(joints)))
+        position, rotation = compiled.forward_kinematics(robot, joints)
     expected = np.array([panda_tool(q) if name == "panda_mobile" else ur_tool(name, q) for q in joints])
     np.testing.assert_allclose(position, expected[:, :3, 3], atol=FLOAT64)
     np.testing.assert_allclose(rotation, expected[:, :3, :3], atol=FLOAT64)
@@ -105,6 +103,6 @@ def test_home_and_stow_and_the_way_between_are_clear(name):
     robot = load_robot(name)
     ways = np.linspace(robot.home, robot.stow, 11).astype(np.float32)
     far = np.tile(np.array([9.0, 0.0, 0.0], np.float32), (len(ways), 1))
-    assert not np.any(jax.jit(arm_collides)(robot, far, ways, Table.from_config()))
+    assert not np.any(compiled.arm_collides(robot, far, ways, Table.from_config()))
     margin = np.minimum(robot.home - robot.joint_lower, robot.joint_upper - robot.home)
     assert np.all(margin > np.radians(5.0))

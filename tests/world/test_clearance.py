@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from basenet_jax.world.clearance import arm_collides, base_collides, segment_box_distance
+from basenet_jax.world.clearance import base_collides, segment_box_distance
+from tests import compiled
 from tests.oracles import arm as arm_oracle
 from tests.oracles import clearance as oracle
 from tests.world.states import random_states
@@ -21,12 +22,12 @@ coordinate = st.one_of(st.floats(-3.0, 3.0, width=32), st.integers(-30, 30).map(
 point = st.tuples(coordinate, coordinate, coordinate)
 half_size = st.tuples(*[st.floats(0.0625, 2.0, width=32)] * 3)
 
-compiled = jax.jit(segment_box_distance)
+measure = jax.jit(segment_box_distance)
 
 
 def distance(start, end, half=HALF):
     """The kernel's."""
-    return np.asarray(compiled(*(tuple(jnp.float32(c) for c in vector) for vector in (start, end, half))))
+    return np.asarray(measure(*(tuple(jnp.float32(c) for c in vector) for vector in (start, end, half))))
 
 
 def by_interval_search(start, end, half):
@@ -55,7 +56,7 @@ def test_distance_over_many_segments():
     start, end = rng.uniform(-2.0, 2.0, size=(2, 20_000, 3)).astype(np.float32)
     expected = oracle._least_distance(start.astype(float), end.astype(float), np.array(HALF), 16)
     vectors = (tuple(vector.T) for vector in (start, end))
-    np.testing.assert_allclose(compiled(*vectors, HALF), expected, atol=FLOAT32)
+    np.testing.assert_allclose(measure(*vectors, HALF), expected, atol=FLOAT32)
     assert 0.1 < np.mean(expected == 0.0) < 0.9
 
 
@@ -104,8 +105,8 @@ def test_kernels_agree_with_the_oracle(robot, table):
     """The oracle knows the arm by its DH parameters and the base by its corners, not by the MJCF."""
     states = random_states(np.random.default_rng(8), 250).astype(np.float32)
     base, joints = states[:, :3], states[:, 3:]
-    touches_base = np.asarray(jax.jit(base_collides)(robot, base, table))
-    touches_arm = np.asarray(jax.jit(arm_collides)(robot, base, joints, table))
+    touches_base = compiled.base_collides(robot, base, table)
+    touches_arm = compiled.arm_collides(robot, base, joints, table)
     for index in range(len(states)):
         clearance = oracle.base_clearance(base[index].astype(float))
         if abs(clearance - 1e-5) > FLOAT32:

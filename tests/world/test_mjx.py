@@ -8,9 +8,9 @@ import pytest
 
 from basenet_jax.config import PickConfig
 from basenet_jax.task.picking import pick
-from basenet_jax.world import mujoco_scene
-from basenet_jax.world.clearance import base_collides, capsules_touch
+from basenet_jax.world import clearance, mujoco_scene
 from basenet_jax.world.scene import Table
+from tests import compiled
 from tests.world.states import DOF, ROUNDING, TOUCHING, doubtful
 
 # MJX drops some contacts of a capsule with a box's edge (see the module): 1 in 750 touching states, none deeper than
@@ -43,13 +43,24 @@ def test_mjx_base_contacts_agree_with_mujoco(world, states, distances):
 
 @pytest.fixture(scope="module")
 def mjx_arm_check(mjx):
-    return jax.jit(mjx.arm_touches)
+    """Any number of states, a table for each, by one program."""
+    touches = jax.jit(mjx.arm_touches)
+
+    def check(robot, pose, joints, table):
+        def of_rows(pose, joints, table):
+            return touches(robot, tuple(pose.T), joints.transpose(2, 1, 0), table).T
+
+        half_size = np.broadcast_to(table.half_size, (len(pose), 2))
+        tables = Table(half_size=half_size, height=np.broadcast_to(table.height, len(pose)))  # pyright: ignore
+        return compiled.by_rows(of_rows, pose, joints, tables, size=500)
+
+    return check
 
 
 def test_mjx_arm_contacts_agree_with_mujoco_but_for_dropped_edges(mjx_arm_check, robot, table, states, distances):
-    columns = jnp.asarray(states.T, jnp.float32)
-    found = np.asarray(mjx_arm_check(robot, tuple(columns[:3]), columns[3:], table))
-    distance = distances[:, 1]
+    pairs = states.reshape(-1, 2, 9)  # two states of the arm for each pose: the second's own pose isn't used
+    found = mjx_arm_check(robot, pairs[:, 0, :3], pairs[:, :1, 3:].repeat(2, axis=1), table)[:, 0]
+    distance = distances[::2, 1]
     assert not np.any(found & (distance > ROUNDING))
     missed = ~found & (distance < -ROUNDING)
     assert missed.sum() <= MJX_MISSES * np.sum(distance <= 0.0)
@@ -58,24 +69,25 @@ def test_mjx_arm_contacts_agree_with_mujoco_but_for_dropped_edges(mjx_arm_check,
 
 def test_mjx_arm_check_takes_a_table_per_state_and_broadcasts(mjx_arm_check, robot, table, states):
     count = 500
-    few = jnp.asarray(states[:count].T, jnp.float32)
-    joints = jnp.stack([few[3:], few[3:] + 0.5], axis=1)
-    heights = jnp.linspace(0.1, 1.3, count)
-    tables = Table(half_size=jnp.broadcast_to(table.half_size, (count, 2)), height=heights)
-    found = np.asarray(mjx_arm_check(robot, tuple(few[:3]), joints, tables))
-    expected = np.asarray(jax.jit(capsules_touch)(robot, tuple(few[:3]), joints, tables))
-    assert found.shape == (2, count)
+    pose = states[:count, :3]
+    joints = np.stack([states[:count, 3:], states[:count, 3:] + 0.5], axis=1)
+    tables = Table(half_size=jnp.broadcast_to(table.half_size, (count, 2)), height=jnp.linspace(0.1, 1.3, count))
+    found = mjx_arm_check(robot, pose, joints, tables)
+    each = Table(half_size=tables.half_size[:, None], height=tables.height[:, None])
+    expected = compiled.arm_collides(robot, pose[:, None], joints, each)
+    assert found.shape == (count, 2)
     # Dropped edges, see above, and states that rounding decides; another height changes the answer for 1 in 20.
     assert np.mean(found != expected) < 2 * MJX_MISSES
-    same_table = np.asarray(mjx_arm_check(robot, tuple(few[:3]), joints, table))
+    same_table = mjx_arm_check(robot, pose, joints, table)
     assert np.mean(found != same_table) > 4 * MJX_MISSES
 
 
+@pytest.mark.slow
 def test_mjx_base_contacts_follow_the_table(world, robot, states):
     small = Table(half_size=jnp.array([0.5, 0.9]), height=jnp.array(0.4))
     own, pose = world.with_table(small), jnp.asarray(states[:1000, :3], jnp.float32)
     found = jax.jit(jax.vmap(lambda pose: own.base_touches(own.move(own.blank, pose, jnp.zeros(DOF)))))(pose)
-    shrunk, grown = (base_collides(robot, pose, small, touching=TOUCHING + d) for d in (-ROUNDING, ROUNDING))
+    shrunk, grown = (clearance.base_collides(robot, pose, small, touching=TOUCHING + d) for d in (-ROUNDING, ROUNDING))
     clear = np.asarray(shrunk == grown)
     np.testing.assert_array_equal(np.asarray(found)[clear], np.asarray(grown)[clear])
 
@@ -84,7 +96,7 @@ def test_pick_takes_the_mjx_check(mjx, robot, table):
     base_pose = jnp.array([[0.3, -0.85, 0.0], [0.3, -0.85, np.pi], [0.0, -0.9, 1.0], [2.5, 0.0, 0.0]])
     grasp = jnp.array([0.2, -0.2, 1.155, 0.4])
     config = PickConfig(chunk=4)
-    by_kernel = jax.jit(lambda: pick(robot, base_pose, grasp, table, config))()
+    by_kernel = compiled.pick(robot, base_pose, grasp, table)
     by_mjx = jax.jit(lambda: pick(robot, base_pose, grasp, table, config, arm_check=mjx.arm_touches))()
     assert by_kernel.feasible.any()
     np.testing.assert_array_equal(by_mjx.reason, by_kernel.reason)

@@ -9,19 +9,17 @@ import pytest
 from basenet_jax.config import TableConfig
 from basenet_jax.robot.robot_mjcf import capsule_name
 from basenet_jax.world import mujoco_scene
-from basenet_jax.world.clearance import arm_collides, base_collides
 from basenet_jax.world.scene import Table
+from tests import compiled
 from tests.world.states import TOUCHING, around_touching, doubtful
 
 
 def base_kernel(robot, table, dtype: Any = np.float32):
-    compiled = jax.jit(base_collides)
-    return lambda states: np.asarray(compiled(robot, states[:, :3].astype(dtype), table))
+    return lambda states: compiled.base_collides(robot, states[:, :3].astype(dtype), table)
 
 
 def arm_kernel(robot, table, dtype: Any = np.float32):
-    compiled = jax.jit(arm_collides)
-    return lambda states: np.asarray(compiled(robot, states[:, :3].astype(dtype), states[:, 3:].astype(dtype), table))
+    return lambda states: compiled.arm_collides(robot, states[:, :3].astype(dtype), states[:, 3:].astype(dtype), table)
 
 
 def test_only_the_pairs_of_the_rules_can_touch(checker, robot):
