@@ -2,9 +2,12 @@
 
 import math
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from basenet_jax.config import PickConfig
+from basenet_jax.task import picking
 from tests.oracles import arm
 from tests.oracles import picking as oracle
 from tests.task.pick_cases import Cases, cases, check_against_oracle, expect, judge, reasons
@@ -129,3 +132,9 @@ def test_gripper_just_above_the_table(robot):
     heights = [0.75 + 0.25 + gap for gap in (-1e-5, 1e-5)]
     found = verdict(robot, cases((0.1, -0.9, 0.0), [(0.0, -0.25, z, 0.0) for z in heights]))
     assert found == ["arm_collides", None]
+
+
+def test_the_checked_states_are_the_oracles(robot):
+    waypoints = np.random.default_rng(4).uniform(-2.0, 2.0, (len(oracle.HEIGHTS), 6)).astype(np.float32)
+    found = picking._checked_states(robot, jnp.asarray(waypoints.T)[:, :, None], PickConfig())
+    np.testing.assert_allclose(found[:, :, 0].T, oracle.checked_states(waypoints.astype(float)), atol=1e-6)  # float32
