@@ -22,7 +22,7 @@ from basenet_jax.robot import kinematics
 from basenet_jax.robot.model import Robot
 from basenet_jax.task import navigation, picking
 from basenet_jax.task import plan as judge
-from basenet_jax.task.picking import Pick
+from basenet_jax.task.picking import Pick, Reason
 from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.world import clearance, generate
 from basenet_jax.world.scene import Scene, Table
@@ -175,11 +175,16 @@ def check_candidates(
     count, slots = len(poses), scene.mask.shape[0]
     if not count:
         return jax.device_get(_check_candidates(robot, scene, poses, world))
-    rows = np.resize(np.arange(count), -(-count // POSES) * POSES)
     wide = with_slots(scene, max(SLOTS, slots))
-    found = jax.device_get(_check_candidates(robot, wide, poses[rows], world, pairs_at_once=PAIRS_AT_ONCE))
-    pairs = {name: getattr(found, name)[:count, :slots] for name in ("serves", "pick_time")}
-    return dataclasses.replace(found, base_pose=poses, **pairs, reason=found.reason[:slots])
+    parts = [
+        jax.device_get(_check_candidates(robot, wide, part, world, pairs_at_once=PAIRS_AT_ONCE))
+        for part in np.split(np.resize(poses, (-(-count // POSES) * POSES, 3)), -(-count // POSES))
+    ]
+    serves, time = (np.concatenate([getattr(x, name) for x in parts])[:count] for name in ("serves", "pick_time"))
+    reason = np.where(serves.any(axis=0), Reason.NONE, np.max([part.reason for part in parts], axis=0))
+    return dataclasses.replace(
+        parts[0], base_pose=poses, serves=serves[:, :slots], pick_time=time[:, :slots], reason=reason[:slots]
+    )
 
 
 def make_setup(robot: Robot, **changes: Any) -> PlannerSetup:
