@@ -4,6 +4,7 @@ import dataclasses
 import io
 import os
 
+import chex
 import jax
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ import pytest
 import basenet_jax as bn
 from basenet_jax import api
 from basenet_jax.planners import registry
-from basenet_jax.task import plan as judge
+from tests import compiled
 from tests.scene_texts import TEXT, park_once
 
 
@@ -51,10 +52,10 @@ def test_packaged_weights_plan_a_scene(scene, planned):
 
 
 def test_the_verdict_is_the_judges(scene, planned, robot):
-    expected = jax.jit(judge.execute)(robot, scene.arrays, planned)
+    expected = compiled.execute(robot, scene.arrays, planned)
     for given in (scene, scene.arrays):
-        for one, other in zip(jax.tree.leaves(bn.execute(given, planned)), jax.tree.leaves(expected), strict=True):
-            np.testing.assert_array_equal(one, other)
+        # Another size's program adds up in another order.
+        chex.assert_trees_all_close(jax.device_get(bn.execute(given, planned)), expected, atol=1e-4)
 
 
 def test_a_plan_is_drawn(scene, planned):
