@@ -90,7 +90,7 @@ def pick(
 ) -> Pick:
     """`picking.pick` of any batch."""
     batch, rows = _flat(base_pose, grasp)
-    call = functools.partial(_pick, robot, config=config, **more)
+    call = functools.partial(_pick, jax.device_get(robot), config=config, **more)
     return _shaped(by_rows(call, *rows, _tables(table, batch)), batch)
 
 
@@ -99,26 +99,31 @@ def navigation_time(
 ) -> np.ndarray:
     """`navigation.navigation_time` of any batch."""
     batch, rows = _flat(start, goal)
-    call = functools.partial(_navigation_time, robot, config=config)
+    call = functools.partial(_navigation_time, jax.device_get(robot), config=config)
     return _shaped(by_rows(call, *rows, _tables(table, batch), size=PAIRS), batch)
 
 
 def base_collides(robot: Robot, base_pose: ArrayLike, table: Table) -> np.ndarray:
     """`clearance.base_collides` of any batch."""
     batch, rows = _flat(base_pose)
-    return _shaped(by_rows(functools.partial(_base_collides, robot), *rows, _tables(table, batch), size=PAIRS), batch)
+    return _shaped(
+        by_rows(functools.partial(_base_collides, jax.device_get(robot)), *rows, _tables(table, batch), size=PAIRS),
+        batch,
+    )
 
 
 def arm_collides(robot: Robot, base_pose: ArrayLike, joints: ArrayLike, table: Table) -> np.ndarray:
     """`clearance.arm_collides` of any batch."""
     batch, rows = _flat(base_pose, joints)
-    return _shaped(by_rows(functools.partial(_arm_collides, robot), *rows, _tables(table, batch)), batch)
+    return _shaped(
+        by_rows(functools.partial(_arm_collides, jax.device_get(robot)), *rows, _tables(table, batch)), batch
+    )
 
 
 def forward_kinematics(robot: Robot, joints: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """`kinematics.forward_kinematics` of any batch."""
     batch, rows = _flat(joints)
-    return _shaped(by_rows(functools.partial(_forward_kinematics, robot), *rows), batch)
+    return _shaped(by_rows(functools.partial(_forward_kinematics, jax.device_get(robot)), *rows), batch)
 
 
 def execute(robot: Robot, scene: Scene, plan: Plan, world: WorldConfig = WorldConfig()) -> Outcome:
@@ -127,7 +132,7 @@ def execute(robot: Robot, scene: Scene, plan: Plan, world: WorldConfig = WorldCo
     if single := scene.mask.ndim == 1:
         scene, plan = jax.tree.map(lambda x: np.asarray(x)[None], (scene, plan))
     slots = scene.mask.shape[1]
-    call = functools.partial(_execute, robot, config=world)
+    call = functools.partial(_execute, jax.device_get(robot), config=world)
     outcome = by_rows(call, with_slots(scene, max(slots, SLOTS)), _with_steps(plan, max(slots, SLOTS)), size=BATCH)
     return jax.tree.map(lambda x: x[0, :slots] if single else x[:, :slots], outcome)
 
