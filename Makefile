@@ -5,6 +5,7 @@
 #   make models     install the packages whose robots' models the tests also read (300 MB; without, those are skipped)
 #   make docs       build the documentation into site/
 #   make test-all   the fast tests on every interpreter found among VERSIONS
+#   make nightly    the same in fresh environments with the newest packages, and then the slow tests
 #   make bench      every script in benchmarks/ at a tiny size
 #   make clean      remove environments, caches and build outputs (never runs/)
 #
@@ -26,7 +27,7 @@ find_python = $(shell for candidate in python$(1) "$$(pyenv root 2>/dev/null)"/v
 	"$$candidate" -c 'import sys; sys.exit("%d.%d" % sys.version_info[:2] != "$(1)")' 2>/dev/null \
 	&& echo "$$candidate" && break; done)
 
-.PHONY: train test lint types docs fast-tests test-all models bench clean
+.PHONY: train test lint types docs fast-tests slow-tests test-all nightly nightly-slow-tests models bench clean
 .DELETE_ON_ERROR:
 
 train: $(VENV)/package.stamp
@@ -51,12 +52,24 @@ models: $(VENV)/test.stamp
 fast-tests: $(VENV)/test.stamp
 	$(RUN) -m pytest --numprocesses $(WORKERS) --dist loadfile $(ARGS)
 
+slow-tests: $(VENV)/test.stamp
+	XLA_FLAGS= $(RUN) -m pytest --numprocesses $(WORKERS) --dist loadfile -m "slow and not gpu" $(ARGS)
+
 test-all: $(addprefix test-on-,$(VERSIONS))
 
 test-on-%:
 	@python='$(call find_python,$*)'; \
 	if [ -z "$$python" ]; then echo "Python $*: not found, not tested"; \
 	else echo "Python $*: $$python"; $(MAKE) --no-print-directory fast-tests PYTHON="$$python" VENV=.venv-$*; fi
+
+# A fresh environment has the newest versions that pyproject.toml allows. One failure doesn't keep the rest from running.
+nightly:
+	rm -rf $(addprefix .venv-,$(VERSIONS) nightly)
+	$(MAKE) --no-print-directory --keep-going test-all nightly-slow-tests
+
+nightly-slow-tests:
+	$(MAKE) --no-print-directory models slow-tests VENV=.venv-nightly
+	.venv-nightly/bin/python -m pip list
 
 bench: $(VENV)/package.stamp
 	$(RUN) -m benchmarks $(ARGS)

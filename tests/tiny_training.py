@@ -1,15 +1,10 @@
 """`python -m tests.tiny_training ARGUMENTS`: the train command with every size made tiny, for the tests of it."""
 
 import sys
-from pathlib import Path
-
-import jax
 
 from basenet_jax import train
 from basenet_jax.learning import config
 from basenet_jax.learning.config import ReinforceConfig, SacConfig, StopLearningConfig, TrainConfig
-
-CACHE = Path(__file__).parents[1] / ".jax_cache"
 
 
 def tiny_preset(preset, *, objects, seed, robot="ur5e_mobile", robot_digest=None):
@@ -62,8 +57,6 @@ def tiny_preset(preset, *, objects, seed, robot="ur5e_mobile", robot_digest=None
 
 
 def main(arguments):
-    jax.config.update("jax_compilation_cache_dir", str(CACHE))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.3)
     usual, config.make_preset = config.make_preset, tiny_preset
     try:
         return train.main(arguments)

@@ -114,5 +114,4 @@ def main(count: str, *names: str) -> None:
 
 
 if __name__ == "__main__":
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.3)
     main(*sys.argv[1:])

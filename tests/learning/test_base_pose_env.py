@@ -1,5 +1,9 @@
 """The base-pose environment: one step, fresh scenes, the paper's reward, and two backends that agree."""
 
+import dataclasses
+from types import SimpleNamespace
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -18,11 +22,24 @@ def env(robot):
 
 
 @pytest.fixture(scope="module")
-def episodes(env):
+def step(robot):
+    """The environment's, compiled once for all weights of its reward."""
+
+    def step(start, action, reward):
+        made: Any = BasePoseEnv(robot, own_class_share=0.5)
+        made.reward = SimpleNamespace(**reward)
+        return made.step(start, action)
+
+    compiled = jax.jit(step)
+    return lambda start, action, reward=BasePoseRewardConfig(): compiled(start, action, dataclasses.asdict(reward))
+
+
+@pytest.fixture(scope="module")
+def episodes(env, step):
     """Ends of 1,024 episodes that mix hopeless, colliding and promising base poses."""
     start = jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.key(0), 1024))
-    action = jax.random.uniform(jax.random.key(1), (1024, ACTION_SIZE), minval=-0.7, maxval=0.7)
-    return start, action, jax.jit(env.step)(start, action)
+    action = np.random.default_rng(1).uniform(-0.7, 0.7, (1024, ACTION_SIZE)).astype(np.float32)
+    return *jax.device_get((start, action)), jax.device_get(step(start, action))
 
 
 def test_reset_draws_a_fresh_scene_for_every_key(env, episodes):
@@ -65,24 +82,25 @@ def test_single_episodes_under_vmap_are_the_batch(env, episodes):
     np.testing.assert_allclose(one_by_one.reward, end.reward[:32], atol=1e-5)
 
 
-def test_rewards_weights_are_settings(robot, episodes):
+def test_rewards_weights_are_settings(robot, step, episodes):
     start, action, end = episodes
-    env = BasePoseEnv(robot, reward=BasePoseRewardConfig(collision=-7.0, success=0.0, navigation=0.0, grasping=0.0))
-    reward = jax.jit(env.step)(start, action).reward
-    np.testing.assert_allclose(reward, -7.0 * end.metrics["collision"], atol=1e-6)
+    weights = BasePoseRewardConfig(collision=-7.0, success=0.0, navigation=0.0, grasping=0.0)
+    np.testing.assert_allclose(step(start, action, weights).reward, -7.0 * end.metrics["collision"], atol=1e-6)
+    assert BasePoseEnv(robot, reward=weights).reward is weights
 
 
-def test_guesses_make_sense_and_succeed_far_more_often(env, episodes):
+def test_guesses_make_sense_and_succeed_far_more_often(env, step, episodes):
     start, action, end = episodes
-    guess = jax.jit(env.guess)(start, jax.random.key(2))
+    draw = jax.jit(env.guess)
+    guess = draw(start, jax.random.key(2))
     assert guess.shape == action.shape
     assert float(jnp.max(jnp.abs(guess))) <= 1.0
     base_pose = base_pose_from_action(guess, start.info["grasp"], env.frame)
     clear = ~base_collides(env.robot, base_pose, env.table, env.world.pick.base_clearance_m)
     assert float(jnp.mean(clear & within_reach(env.robot, base_pose, start.info["grasp"]))) > 0.98
-    succeeded = float(jnp.mean(jax.jit(env.step)(start, guess).metrics["success"]))
+    succeeded = float(jnp.mean(step(start, guess).metrics["success"]))
     assert succeeded > 2.0 * float(jnp.mean(end.metrics["success"]))
-    np.testing.assert_array_equal(guess, jax.jit(env.guess)(start, jax.random.key(2)))
+    np.testing.assert_array_equal(guess, draw(start, jax.random.key(2)))
 
 
 def test_an_unknown_backend_is_refused_by_name(robot):

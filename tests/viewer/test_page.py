@@ -1,11 +1,13 @@
 """The viewer in a real browser: headless Chromium, driven by Playwright, the mouse being moved as a hand would."""
 
+import io
 import json
 import time
 from typing import Any, cast
 
 import numpy as np
 import pytest
+from PIL import Image
 from playwright.sync_api import expect, sync_playwright
 
 from basenet_jax.planners.greedy_stops import greedy_stops
@@ -16,14 +18,15 @@ from basenet_jax.viewer.session import Choices
 from basenet_jax.world.scene_file import load_scene
 from benchmarks.browser import ARGUMENTS, drag, find_chromium, where_seen
 from tests.scene_texts import TEXT
+from tests.viewer import WATCHDOG_S
 
 pytestmark = pytest.mark.browser
+expect.set_options(timeout=1000 * WATCHDOG_S)
 
 PLANNER = "greedy-stops"  # compiles sooner than others
 # Chromium objects to how viser's own client keeps the page from scrolling while something is dragged.
 NOT_OURS = "Unable to preventDefault inside passive event listener invocation."
 WIDTH, HEIGHT = 1280, 640  # pixels; so wide that the panel hides nothing that is dragged
-PATIENCE_S = 120.0  # with compiling, on a busy machine
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +36,7 @@ def browser():
     except RuntimeError as error:
         pytest.skip(str(error))
     with sync_playwright() as playwright:
-        started = playwright.chromium.launch(executable_path=program, args=list(ARGUMENTS))
+        started = playwright.chromium.launch(executable_path=program, args=list(ARGUMENTS), timeout=1000 * WATCHDOG_S)
         yield started
         started.close()
 
@@ -43,8 +46,9 @@ def running(scene):
     viewer = Viewer(scene, Choices((PLANNER,)))
     viewer.server.initial_camera.position = (0.6, -4.0, 4.5)
     viewer.server.initial_camera.look_at = (0.8, 0.0, 0.0)
-    assert viewer.session.wait_idle(PATIENCE_S)
+    assert viewer.session.wait_idle(WATCHDOG_S)
     yield viewer
+    assert viewer.session.wait_idle(WATCHDOG_S)
     assert viewer.close()
 
 
@@ -55,7 +59,7 @@ def viewer(running, scene):
     running.session.replace_scene(scene)
     running.session.ask(None)
     running.page.select(None)
-    assert running.session.wait_idle(PATIENCE_S)
+    assert running.session.wait_idle(WATCHDOG_S)
     return running
 
 
@@ -68,13 +72,14 @@ def errors():
 def open_tab(browser, viewer, errors):
     """Another tab of the browser with the viewer in it."""
     tab, others = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT}), len(viewer.server.get_clients())
+    tab.set_default_timeout(1000 * WATCHDOG_S)
     tab.on("console", lambda message: message.type == "error" and errors.append(message.text))
     tab.on("pageerror", lambda error: errors.append(str(error)))
     tab.on("requestfailed", lambda request: errors.append(request.url))
     tab.goto(viewer.url)
-    expect(tab.get_by_text("N + G")).to_be_visible(timeout=60_000)
+    expect(tab.get_by_text("N + G")).to_be_visible()
     wait_for(lambda: len(viewer.server.get_clients()) == others + 1)
-    tab.wait_for_timeout(1_500)  # until all is drawn: the mouse only hits what is
+    wait_until_drawn(viewer, tab)
     return tab
 
 
@@ -86,18 +91,48 @@ def first_tab(browser, running, errors):
 @pytest.fixture
 def page(first_tab, viewer, errors):
     """The first tab, with the first scene; nothing may go wrong in it."""
-    del viewer
-    first_tab.wait_for_timeout(300)
+    wait_until_drawn(viewer, first_tab)
     errors.clear()
     yield first_tab
     assert not [error for error in errors if error != NOT_OURS]
 
 
-def wait_for(condition, timeout_s=60.0):
-    end = time.monotonic() + timeout_s
+def wait_for(condition):
+    end = time.monotonic() + WATCHDOG_S
     while not condition():
         assert time.monotonic() < end, "it never happens"
         time.sleep(0.02)
+
+
+def picture_of(tab):
+    """What a tab shows, as colours (height, width, 3)."""
+    return np.asarray(Image.open(io.BytesIO(tab.screenshot())).convert("RGB"), float)
+
+
+def wait_until_still(tab):
+    """Until two pictures in a row are the same, which is returned."""
+    before, now = None, picture_of(tab)
+    while before is None or not np.array_equal(before, now):
+        before, now = now, picture_of(tab)
+    return now
+
+
+def wait_until_drawn(viewer, tab):
+    """Until both mugs stand on the table and the robot at its start: the mouse only hits what is drawn."""
+    arrays = viewer.session.scene.arrays
+    x, y, _ = arrays.robot_start
+    empty, floor = [-0.9, 0.3, float(arrays.table.height)], [x - 1.0, y - 1.0, 0.0]
+    pairs = [*((top_of(viewer, name), empty) for name in viewer.session.scene.names), ([x, y, 0.5], floor)]
+    wait_for(lambda: viewer.server.get_clients())
+
+    def is_drawn():
+        picture = wait_until_still(tab)
+        colors = [
+            [picture[v, u] for u, v in (np.round(seen(viewer, tab, p)).astype(int) for p in pair)] for pair in pairs
+        ]
+        return all(np.abs(a - b).max() > 15 for a, b in colors)
+
+    wait_for(is_drawn)
 
 
 def seen(viewer, page, point):
@@ -117,7 +152,7 @@ def figures(plan):
 
 def shows(page, texts):
     for text in texts:
-        expect(page.get_by_text(text, exact=True).first).to_be_visible(timeout=60_000)
+        expect(page.get_by_text(text, exact=True).first).to_be_visible()
 
 
 def drag_mug(viewer, page, to=(-0.6, 0.1)):
@@ -125,7 +160,7 @@ def drag_mug(viewer, page, to=(-0.6, 0.1)):
     start = top_of(viewer, "mug_1")
     drag(page, seen(viewer, page, start), seen(viewer, page, [*to, start[2]]))
     wait_for(lambda: np.hypot(*(viewer.session.scene.arrays.object_pose[0, :2] - to)) < 0.03)
-    assert viewer.session.wait_idle(PATIENCE_S)
+    assert viewer.session.wait_idle(WATCHDOG_S)
 
 
 def test_the_page_shows_scene_and_plan(viewer, page):
@@ -147,14 +182,15 @@ def test_dragging_the_robot_moves_its_start(viewer, page):
     x, y, _ = viewer.session.scene.arrays.robot_start
     drag(page, seen(viewer, page, [x, y, 0.75]), seen(viewer, page, [x - 0.5, y - 0.6, 0.75]))
     wait_for(lambda: np.hypot(*(viewer.session.scene.arrays.robot_start[:2] - [x - 0.5, y - 0.6])) < 0.1)
-    assert viewer.session.wait_idle(PATIENCE_S)
+    assert viewer.session.wait_idle(WATCHDOG_S)
     assert viewer.session.plans[0].scene is viewer.session.scene
 
 
 def test_the_gizmo_of_a_clicked_object_turns_it(viewer, page):
+    before = picture_of(page)
     page.mouse.click(*seen(viewer, page, top_of(viewer, "mug_1")))
     wait_for(lambda: viewer.page.selected == Target("mug_1"))
-    page.wait_for_timeout(1_000)
+    wait_for(lambda: not np.array_equal(wait_until_still(page), before))
     gizmo = viewer.page.gizmo
     x, y, yaw = gizmo.pose
     height, radius = float(gizmo.handle.position[2]), 0.65 * gizmo.handle.scale  # of the arc: what viser's client draws
@@ -166,7 +202,7 @@ def test_the_gizmo_of_a_clicked_object_turns_it(viewer, page):
 
 def test_a_click_on_the_floor_asks_what_can_be_picked_there(viewer, page):
     page.mouse.click(*seen(viewer, page, [0.35, -0.95, 0.0]))
-    expect(page.get_by_text("What can be picked from here")).to_be_visible(timeout=60_000)
+    expect(page.get_by_text("What can be picked from here")).to_be_visible()
     expect(page.get_by_text("2 of 2 objects")).to_be_visible()
     page.get_by_role("button", name="Forget the question").click()
     expect(page.get_by_text("What can be picked from here")).to_be_hidden()
@@ -174,13 +210,14 @@ def test_a_click_on_the_floor_asks_what_can_be_picked_there(viewer, page):
 
 def test_the_timeline_moves_the_robot(viewer, page):
     at_rest = page.screenshot(clip={"x": 0, "y": 0, "width": 560, "height": 640})
+    viewer.page.timeline.speed = 0.1  # however long a click takes, the end is far
+    viewer.page.go_to(8.0)
     page.get_by_role("button", name="Play").click()
-    expect(page.get_by_role("button", name="Pause")).to_be_visible(timeout=60_000)
+    expect(page.get_by_role("button", name="Pause")).to_be_visible()
     wait_for(lambda: viewer.page.timeline.time_s > 8.0)
     page.get_by_role("button", name="Pause").click()
     wait_for(lambda: not viewer.page.timeline.playing)
-    page.wait_for_timeout(1_000)
-    assert page.screenshot(clip={"x": 0, "y": 0, "width": 560, "height": 640}) != at_rest
+    wait_for(lambda: page.screenshot(clip={"x": 0, "y": 0, "width": 560, "height": 640}) != at_rest)
     assert 8.0 < viewer.page.timeline.time_s < viewer.page.timeline.end_s
     drag_from = seen(viewer, page, top_of(viewer, "mug_2"))
     drag(page, drag_from, (drag_from[0] - 40, drag_from[1]))
@@ -194,7 +231,7 @@ def test_a_second_tab_and_a_reload_show_the_same(viewer, browser, page, errors):
     shows(page, expected)
     shows(second, expected)
     second.reload()
-    expect(second.get_by_text("N + G")).to_be_visible(timeout=60_000)
+    expect(second.get_by_text("N + G")).to_be_visible()
     shows(second, expected)
     second.close()
     wait_for(lambda: len(viewer.server.get_clients()) == 1)
@@ -209,18 +246,18 @@ def test_objects_are_added_and_removed_and_nothing_compiles_again(viewer, page):
     compiled = programs()
     page.get_by_role("button", name="Add an object of this class").click()
     wait_for(lambda: viewer.session.scene.names == ("mug_1", "mug_2", "cracker_box_1"))
-    assert viewer.session.wait_idle(PATIENCE_S)
+    assert viewer.session.wait_idle(WATCHDOG_S)
     shows(page, ["3 of 3"])
     page.get_by_role("button", name="Remove the selected object").click()
     wait_for(lambda: viewer.session.scene.names == ("mug_1", "mug_2"))
     shows(page, ["2 of 2"])
-    assert viewer.session.wait_idle(PATIENCE_S)
+    assert viewer.session.wait_idle(WATCHDOG_S)
     assert programs() == compiled
 
 
 def test_two_planners_side_by_side(viewer, page):
     viewer.session.choose(PLANNER, "pbg-gc")
-    assert viewer.session.wait_idle(PATIENCE_S)
+    assert viewer.session.wait_idle(WATCHDOG_S)
     first, second = viewer.session.plans
     assert (first.maker, second.maker) == (PLANNER, "pbg-gc")
     shows(page, [PLANNER, "pbg-gc", *figures(first), *figures(second)])
@@ -238,7 +275,7 @@ def test_a_bad_file_gets_a_message(viewer, page, which, name, content, message):
     scene = viewer.session.scene
     file = {"name": name, "mimeType": "application/octet-stream", "buffer": content}
     page.locator("input[type=file]").nth(which).set_input_files([file])
-    expect(page.get_by_text(message)).to_be_visible(timeout=60_000)
+    expect(page.get_by_text(message)).to_be_visible()
     assert viewer.session.scene is scene
 
 
@@ -257,7 +294,7 @@ def test_files_go_to_the_page_and_come_back(viewer, page, tmp_path):
     (tmp_path / "other.yaml").write_text(TEXT)
     page.locator("input[type=file]").nth(0).set_input_files(tmp_path / "other.yaml")
     wait_for(lambda: viewer.session.scene.names == ("mug_1", "part_7"))
-    assert viewer.session.wait_idle(PATIENCE_S)
+    assert viewer.session.wait_idle(WATCHDOG_S)
 
 
 def test_standing_still_the_server_sends_nothing(viewer, page, monkeypatch):
@@ -270,10 +307,10 @@ def test_standing_still_the_server_sends_nothing(viewer, page, monkeypatch):
         sent.append(arguments)
 
     monkeypatch.setattr(ServerConnection, "send", count)
-    page.wait_for_timeout(1_000)
+    page.wait_for_timeout(1_000)  # of watching
     assert not sent
     viewer.session.move_start(np.array([-2.0, -1.0, 0.3]))
-    assert viewer.session.wait_idle(PATIENCE_S)
+    assert viewer.session.wait_idle(WATCHDOG_S)
     wait_for(lambda: sent)
 
 
