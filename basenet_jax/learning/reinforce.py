@@ -110,7 +110,15 @@ class Reinforce:
         scene_key, play_key = jax.random.split(jax.random.key(self.config.evaluation_seed))
         scenes = self.draw(scene_key, self.config.evaluation_scenes, vary_count=False, own_class_share=0.0)
         greedy = self.play(params, scenes, play_key, greedy=True)
-        nearest = rollout(self.robot, scenes, self.base_pose, choose_nearest(scenes), play_key, self.world)
+        nearest = rollout(
+            self.robot,
+            scenes,
+            self.base_pose,
+            choose_nearest(scenes),
+            play_key,
+            self.world,
+            sizes=(self.config.objects,),
+        )
         return {
             "navigation_time": jnp.mean(jnp.sum(greedy.navigation_time, axis=0)),
             "nearest_navigation_time": jnp.mean(jnp.sum(nearest.navigation_time, axis=0)),
@@ -131,21 +139,36 @@ class Reinforce:
 
         return self.devices.apart(jax.vmap(draw_one), in_axes=(0, 0))(jax.random.split(scene_key, count), numbers)
 
-    def play(self, params: Any, scenes: Scene, key: Array, *, greedy: bool) -> PickupStep:
+    def play(self, params: Any, scenes: Scene, key: Array, *, greedy: bool | Array) -> PickupStep:
         """Rolls the policy out, sampling objects or taking the most probable ones."""
         choose = choose_learned(self.network, params, scenes, greedy=greedy)
         return rollout(self.robot, scenes, self.base_pose, choose, key, self.world)
+
+    def _play_both(
+        self, state: ReinforceState, scenes: Scene, keys: Array, *, greedy: Array
+    ) -> tuple[PickupStep, PickupStep]:
+        """Episodes of the policy, then of its baseline, by one program."""
+        params = jax.tree.map(lambda *x: jnp.stack(x), state.params, state.baseline)
+
+        def play(own: tuple[Any, Array, Array]) -> PickupStep:
+            return self.play(own[0], scenes, own[1], greedy=own[2])
+
+        steps = jax.lax.map(play, (params, keys, greedy))
+        return jax.tree.map(lambda x: x[0], steps), jax.tree.map(lambda x: x[1], steps)
 
     def _update(self, state: ReinforceState, _: None) -> tuple[ReinforceState, Metrics]:
         scene_key, play_key, baseline_key, key = jax.random.split(state.key, 4)
         scenes = self.draw(
             scene_key, self.config.episodes_per_update, vary_count=True, own_class_share=self.config.own_class_share
         )
-        steps = self.play(state.params, scenes, play_key, greedy=False)
-        cost = self.cost(steps)
-        advantage = cost
         if self.config.baseline:
-            advantage = cost - self.cost(self.play(state.baseline, scenes, baseline_key, greedy=True))
+            keys = jnp.stack([play_key, baseline_key])
+            steps, baseline = self._play_both(state, scenes, keys, greedy=jnp.array([False, True]))
+            cost = self.cost(steps)
+            advantage = cost - self.cost(baseline)
+        else:
+            steps = self.play(state.params, scenes, play_key, greedy=False)
+            cost = advantage = self.cost(steps)
         weight = self.config.navigation_weight * advantage
         gradient, entropy = self.gradient(state.params, scenes.grasps, steps, weight)
         change, optimizer = self.optimizer.update(gradient, state.optimizer, state.params)
@@ -176,8 +199,9 @@ class Reinforce:
         scenes = self.draw(
             scene_key, self.config.test_episodes, vary_count=True, own_class_share=self.config.own_class_share
         )
+        keys = jnp.stack([play_key, play_key])
         ours, theirs = (
-            self.cost(self.play(params, scenes, play_key, greedy=True)) for params in (state.params, state.baseline)
+            self.cost(steps) for steps in self._play_both(state, scenes, keys, greedy=jnp.array([True, True]))
         )
         better = paired_t_test(ours, theirs) < self.config.significance
 

@@ -1,12 +1,12 @@
 """The pickup episode: choose an object, park where the base-pose policy says, go on from there."""
 
-import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jaxtyping import Bool, Float, Int
 
@@ -47,7 +47,14 @@ Choose = Callable[[PickupState, Array, int], Array]
 
 
 def rollout(
-    robot: Robot, scene: Scene, base_pose: BasePosePolicy, choose: Choose, key: Array, world: WorldConfig
+    robot: Robot,
+    scene: Scene,
+    base_pose: BasePosePolicy,
+    choose: Choose,
+    key: Array,
+    world: WorldConfig,
+    *,
+    sizes: Sequence[int] | None = None,
 ) -> PickupStep:
     """Plays whole episodes of a batch of scenes; the result has a leading axis of M steps.
 
@@ -61,12 +68,17 @@ def rollout(
         choose: picks the next object.
         key: consumed; one part for each step.
         world: table, navigation, pick cycle.
+        sizes: numbers of objects, falling from M, that choices are made for; each is a program of its own. By default
+            those of `compact_sizes`, on which the network is faster.
     """
     grasps = scene.grasps
     slots = grasps.shape[-2]
 
-    def step(state: PickupState, key: Array, most: int) -> tuple[PickupState, PickupStep]:
-        choice = choose(state, key, most)
+    sizes = tuple(sizes or compact_sizes(slots))
+
+    def step(state: PickupState, own: tuple[Array, Array]) -> tuple[PickupState, PickupStep]:
+        key, size = own
+        choice = jax.lax.switch(size, [partial(choose, most=most) for most in sizes], state, key)
         grasp = jnp.take_along_axis(grasps, choice[..., None, None], axis=-2)[..., 0, :]
         goal = base_pose(grasp, state.robot_pose)
         drive = navigation_time(robot, state.robot_pose, goal, scene.table, world.navigation)
@@ -82,11 +94,9 @@ def rollout(
         return after, PickupStep(state, choice, goal, jnp.where(executed, drive, 0.0), active, executed)
 
     start = PickupState(scene.robot_start, scene.mask, jnp.zeros(scene.mask.shape[:-1], bool))
-    keys, state, parts = jax.random.split(key, slots), start, []
-    for most, fewer in itertools.pairwise((*compact_sizes(slots), 0)):
-        state, steps = jax.lax.scan(partial(step, most=most), state, keys[slots - most : slots - fewer])
-        parts.append(steps)
-    return jax.tree.map(lambda *x: jnp.concatenate(x), *parts)
+    left = slots - np.arange(slots)  # at most so many objects remain
+    size = np.sum(left[:, None] <= np.array(sizes), axis=1) - 1  # the smallest that holds them
+    return jax.lax.scan(step, start, (jax.random.split(key, slots), size))[1]
 
 
 def episode_cost(steps: PickupStep, failure_time: float) -> Float[Array, "*batch"]:
@@ -108,14 +118,15 @@ def as_plan(steps: PickupStep) -> Plan:
     )
 
 
-def choose_learned(network: GraspSequencePolicy, params: Any, scene: Scene, *, greedy: bool = True) -> Choose:
+def choose_learned(network: GraspSequencePolicy, params: Any, scene: Scene, *, greedy: bool | Array = True) -> Choose:
     """What the sequence policy chooses: the most probable object, or one drawn by its probabilities."""
 
     def choose(state: PickupState, key: Array, most: int) -> Array:
         logits = remaining_logits(network, params, scene.grasps, state.robot_pose, state.remaining, most=most)
         # Where nothing remains all logits are minus infinity, and any choice will do.
         logits = jnp.where(jnp.any(state.remaining, axis=-1, keepdims=True), logits, 0.0)
-        return jnp.argmax(logits, axis=-1) if greedy else jax.random.categorical(key, logits, axis=-1)
+        noise = 0.0 if greedy is True else jnp.where(greedy, 0.0, jax.random.gumbel(key, logits.shape, logits.dtype))
+        return jnp.argmax(logits + noise, axis=-1)
 
     return choose
 
