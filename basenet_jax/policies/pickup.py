@@ -1,7 +1,6 @@
 """The pickup episode: choose an object, park where the base-pose policy says, go on from there."""
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Any
 
 import jax
@@ -76,9 +75,12 @@ def rollout(
 
     sizes = tuple(sizes or compact_sizes(slots))
 
+    def choosing(most: int) -> Callable[[PickupState, Array], Array]:
+        return lambda state, key: choose(state, key, most)
+
     def step(state: PickupState, own: tuple[Array, Array]) -> tuple[PickupState, PickupStep]:
         key, size = own
-        choice = jax.lax.switch(size, [partial(choose, most=most) for most in sizes], state, key)
+        choice = jax.lax.switch(size, [choosing(most) for most in sizes], state, key)
         grasp = jnp.take_along_axis(grasps, choice[..., None, None], axis=-2)[..., 0, :]
         goal = base_pose(grasp, state.robot_pose)
         drive = navigation_time(robot, state.robot_pose, goal, scene.table, world.navigation)
