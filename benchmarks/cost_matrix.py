@@ -51,7 +51,7 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     scene: Scene = jax.tree.map(lambda x: x[0], batch)
 
     def check(scene: Scene) -> Candidates:
-        return check_candidates(setup.robot, scene, setup.grid_poses, setup.world)
+        return check_candidates(setup.robot, scene, setup.grid_poses, world=setup.world)
 
     pairs = len(setup.grid_poses) * options.objects
     timing = measure(check, [(scene,)], repeats=options.repeats)

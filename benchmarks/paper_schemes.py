@@ -48,7 +48,7 @@ def make_schemes(setup: PlannerSetup, grid: GridConfig) -> dict[str, Evaluate]:
 
     def by_reward(order: Order) -> Evaluate:
         def plan(scene: Scene) -> Plan:
-            candidates = check_candidates(robot, scene, poses, world)
+            candidates = check_candidates(robot, scene, poses, world=world)
             return _plan_by_reward(robot, weights, scene, candidates, world, order)
 
         return lambda scene: judged(scene, plan(scene))

@@ -179,10 +179,10 @@ def check_candidates(
     poses = np.asarray(base_pose, np.float32)
     count, slots = len(poses), scene.mask.shape[0]
     if not count:
-        return jax.device_get(_check_candidates(robot, scene, poses, world))
+        return jax.device_get(_check_candidates(robot, scene, poses, world=world))
     wide = with_slots(scene, max(SLOTS, slots))
     parts = [
-        jax.device_get(_check_candidates(robot, wide, part, world, pairs_at_once=PAIRS_AT_ONCE))
+        jax.device_get(_check_candidates(robot, wide, part, world=world, pairs_at_once=PAIRS_AT_ONCE))
         for part in np.split(np.resize(poses, (-(-count // POSES) * POSES, 3)), -(-count // POSES))
     ]
     serves, time = (np.concatenate([getattr(x, name) for x in parts])[:count] for name in ("serves", "pick_time"))

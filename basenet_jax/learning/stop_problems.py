@@ -68,7 +68,7 @@ def make_library(
         robot_start=scenes.robot_start[0],
         table=table,
     )
-    picks = check_candidates(robot, objects, graph.poses, world).pick_time
+    picks = check_candidates(robot, objects, graph.poses, world=world).pick_time
     first = navigation_time(robot, scenes.robot_start[:, None], graph.poses, table, world.navigation)
     library = Library(
         grasps=objects.grasps,

@@ -141,7 +141,7 @@ class BaSeNet:
         """
         setup = self._setup
         aligned, grid = (
-            check_candidates(setup.robot, scene, poses, setup.world, pairs_at_once=_PAIRS)
+            check_candidates(setup.robot, scene, poses, world=setup.world, pairs_at_once=_PAIRS)
             for poses in (self._graph.poses, setup.grid_poses)
         )
         both, missed = join(aligned, grid), ~jnp.any(aligned.serves, axis=0)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -11,6 +12,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Bool, Float, Int
 
 from basenet_jax import struct
+from basenet_jax.compilation import Stored
 from basenet_jax.config import GridConfig, PickConfig, WorldConfig
 from basenet_jax.robot.kinematics import reach_sphere
 from basenet_jax.robot.model import Robot
@@ -49,13 +51,13 @@ def grid_poses(
     return poses[~np.asarray(collides)]
 
 
-@jax.jit(static_argnames=("world", "pairs_at_once"))
+@partial(Stored, static=("world", "pairs_at_once"))
 def check_candidates(
     robot: Robot,
     scene: Scene,
     base_pose: Float[ArrayLike, "K 3"],
-    world: WorldConfig = WorldConfig(),
     *,
+    world: WorldConfig = WorldConfig(),
     pairs_at_once: int = PAIRS_AT_ONCE,
 ) -> Candidates:
     """Validates and costs all pairs of pose and object by `pick`.

@@ -29,7 +29,7 @@ class Dp:
         del key
         setup = self._setup
         check_size(int(np.sum(scene.mask)))
-        candidates = check_candidates(setup.robot, scene, setup.grid_poses, setup.world)
+        candidates = check_candidates(setup.robot, scene, setup.grid_poses, world=setup.world)
         return plan_exactly(setup.robot, scene, candidates, setup.world.navigation)
 
 

@@ -34,7 +34,7 @@ class CandidateSource:
             reason = jnp.full(len(scene.mask), Reason.BASE_COLLIDES)
             return Candidates(self._base_pose, nothing.astype(bool), nothing, reason)
         if self._maps is None:
-            return check_candidates(self._robot, scene, self._base_pose, self._world)
+            return check_candidates(self._robot, scene, self._base_pose, world=self._world)
         return map_candidates(self._maps.for_scene(scene), scene, self._base_pose)
 
 

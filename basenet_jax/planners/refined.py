@@ -20,7 +20,7 @@ from basenet_jax.planners.route import Route, as_plan, as_route, reason_by_slot
 from basenet_jax.planners.stop_problem import stop_problem
 from basenet_jax.planners.stop_search import plan_steps, search_stops
 from basenet_jax.robot.model import Robot
-from basenet_jax.task.plan import Outcome, Plan, execute
+from basenet_jax.task.plan import Plan, compiled_execute
 from basenet_jax.world.scene import Scene
 
 EXACT_OBJECTS = 11  # more are searched: exact planning takes 30 ms here and doubles with every further object
@@ -78,7 +78,7 @@ class Refined:
         if not bool(jnp.all(jnp.any(aligned.serves, axis=0) | ~scene.mask)):
             # What the aligned stops can't serve, some pose of the grid may.
             setup = self._setup
-            aligned = join(aligned, check_candidates(setup.robot, scene, setup.grid_poses, setup.world))
+            aligned = join(aligned, check_candidates(setup.robot, scene, setup.grid_poses, world=setup.world))
         best, value, pool = None, (-1, 0.0), aligned
         for attempt in itertools.count():
             search_key, refine_key, pool_key = jax.random.split(jax.random.fold_in(key, attempt), 3)
@@ -105,7 +105,7 @@ class Refined:
         return problem.plan(scene, *plan_steps(search_stops(*problem.costs, key, iterations=SEARCH_ITERATIONS)))
 
     def _check(self, scene: Scene, poses: Float[Array, "K 3"]) -> Candidates:
-        return check_candidates(self._setup.robot, scene, poses, self._setup.world, pairs_at_once=PAIRS_AT_ONCE)
+        return check_candidates(self._setup.robot, scene, poses, world=self._setup.world, pairs_at_once=PAIRS_AT_ONCE)
 
     def improve(self, scene: Scene, plan: Plan, key: Array) -> Plan:
         """A plan with its stops moved and every object given to its best one; no worse but for rounding.
@@ -123,7 +123,7 @@ class Refined:
 
     def _worth(self, scene: Scene, plan: Plan) -> tuple[int, float]:
         """What a plan is worth to the judge: objects grasped, then time saved."""
-        outcome = jax.device_get(_execute(self._setup.robot, scene, plan, self._setup.world))
+        outcome = jax.device_get(compiled_execute(self._setup.robot, scene, plan, config=self._setup.world))
         return int(outcome.grasped), -float(outcome.execution)
 
 
@@ -134,8 +134,3 @@ def _refine(
     """Moves the stops and gives every object to its best one."""
     route, _ = refine(robot, scene, route, key, config.rounds, config, world)
     return reassign(robot, scene, route, world)
-
-
-@jax.jit(static_argnames="world")
-def _execute(robot: Robot, scene: Scene, plan: Plan, world: WorldConfig) -> Outcome:
-    return execute(robot, scene, plan, world)

@@ -74,7 +74,7 @@ def test_samples_are_never_worse_and_sometimes_better(greedy, sampled, setup, sc
 
 def test_no_plan_is_better_than_the_exact_one_over_the_same_stops(greedy, sampled, setup, scenes):
     for scene in scenes:
-        candidates = check_candidates(setup.robot, scene, greedy.stops, setup.world)
+        candidates = check_candidates(setup.robot, scene, greedy.stops, world=setup.world)
         problem = stop_problem(setup.robot, scene, candidates)
         exact = problem.plan(scene, *jax.device_get(jax.jit(best_sequence)(*problem.costs)))
         least = float(judge(setup.robot, scene, exact).execution)
@@ -116,7 +116,7 @@ def test_what_the_stops_can_not_serve_the_grid_may(setup, params, scenes):
     plans = planner.plan_batch(jax.tree.map(lambda *x: jnp.stack(x), *scenes), KEY)
     missed = 0
     for index, scene in enumerate(scenes):
-        aligned = check_candidates(setup.robot, scene, planner.stops, setup.world)
+        aligned = check_candidates(setup.robot, scene, planner.stops, world=setup.world)
         missed += int(np.sum(~np.any(np.asarray(aligned.serves), axis=0)))
         plan = jax.tree.map(lambda x, index=index: x[index], plans)
         assert int(judge(setup.robot, scene, plan).grasped) == len(scene.mask)
