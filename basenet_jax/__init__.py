@@ -7,9 +7,11 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from basenet_jax.api import ScenePlanner as ScenePlanner
     from basenet_jax.api import execute as execute
     from basenet_jax.api import export_plan as export_plan
     from basenet_jax.api import make_plan as make_plan
+    from basenet_jax.api import make_planner as make_planner
     from basenet_jax.api import plot_plan as plot_plan
     from basenet_jax.api import replan as replan
     from basenet_jax.api import sample_scene as sample_scene
@@ -52,6 +54,7 @@ _MODULES = {
     "Robot": "robot.model",
     "Scene": "world.scene",
     "SceneFileError": "world.scene_file",
+    "ScenePlanner": "api",
     "Table": "world.scene",
     "TrainConfig": "learning.config",
     "WorldConfig": "config",
@@ -64,6 +67,7 @@ _MODULES = {
     "load_robot": "robot.reading",
     "load_scene": "world.scene_file",
     "make_plan": "api",
+    "make_planner": "api",
     "make_preset": "learning.config",
     "navigation_time": "task.navigation",
     "pick": "task.picking",
@@ -88,6 +92,7 @@ __all__ = [
     "Robot",
     "Scene",
     "SceneFileError",
+    "ScenePlanner",
     "Table",
     "TrainConfig",
     "WorldConfig",
@@ -100,6 +105,7 @@ __all__ = [
     "load_robot",
     "load_scene",
     "make_plan",
+    "make_planner",
     "make_preset",
     "navigation_time",
     "pick",

@@ -1,15 +1,20 @@
 """The paper's ablations, several seeds at once: `python -m basenet_jax.ablate --out ablation`."""
 
+import dataclasses
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-import tyro
+from basenet_jax.command_line import base_config, parse, peek
+from basenet_jax.config import WorldConfig
+from basenet_jax.learning.config import AblationConfig, Preset, ReinforceConfig, SacConfig
 
 if TYPE_CHECKING:
     from basenet_jax.learning.ablation import Ablation
     from basenet_jax.learning.run_directory import RunDirectory
+
+_SHARED = ("preset", "seed", "seeds", "world", "sac", "reinforce")
 
 
 @dataclass(frozen=True)
@@ -39,30 +44,43 @@ class Arguments:
     """Weights file with the base-pose policy under the sequence's studies. Default: the packaged one."""
     resume: bool = False
     """Continue what is in --out."""
+    config: Path | None = None
+    """YAML or JSON file of settings instead of the preset's, such as another ablation's config.json. Only what differs
+    need be there; options come before it."""
+    world: WorldConfig = field(default_factory=WorldConfig)
+    sac: SacConfig = field(default_factory=SacConfig)
+    """Of the base-pose learner: Soft Actor-Critic; the study sets its frame."""
+    reinforce: ReinforceConfig = field(default_factory=ReinforceConfig)
+    """Of the sequence learner: REINFORCE; the studies set attention and baseline."""
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Runs the command and returns its exit code."""
     given = sys.argv[1:] if arguments is None else arguments
-    options = tyro.cli(Arguments, args=given, prog="python -m basenet_jax.ablate")
+    try:
+        base = base_config(given, _from_preset, peek(given, "--config"), "quick")
+    except ValueError as error:
+        return _fail(2, str(error))
+    defaults = {name: getattr(base, name) for name in _SHARED} | {"objects": base.reinforce.objects}
+    options = parse(Arguments, given, "python -m basenet_jax.ablate", defaults)
     for name, value, most in (("objects", options.objects, 50), ("seeds", options.seeds, 32)):
         if not 1 <= value <= most:
             return _fail(2, f"--{name}: found {value}, allowed are 1 to {most}")
     if not options.studies:
         return _fail(2, "--studies: found none, at least one of base-frame, baseline and attention is needed")
     try:
-        return _ablate(options, given)
+        return _ablate(options, base, given)
     except KeyboardInterrupt:  # outside training, which says more
         return _fail(130, f"interrupted; --resume continues what {options.out} holds")
 
 
-def _ablate(options: Arguments, given: list[str]) -> int:
+def _ablate(options: Arguments, base: AblationConfig, given: list[str]) -> int:
     # Here and not above: JAX, Brax and MuJoCo take seconds to import, which --help needn't wait for.
     import jax
 
     from basenet_jax.compilation import enable_cache
     from basenet_jax.evaluation.provenance import command, weights_fingerprint
-    from basenet_jax.learning.ablation import Ablation, make_ablation
+    from basenet_jax.learning.ablation import Ablation
     from basenet_jax.learning.checkpoint import CheckpointError
     from basenet_jax.learning.progress import make_reporter
     from basenet_jax.learning.run_directory import RunDirectory
@@ -74,13 +92,9 @@ def _ablate(options: Arguments, given: list[str]) -> int:
     reporter = make_reporter()
     try:
         base_pose = load_policies(options.weights).base_pose
-        config = make_ablation(
-            options.preset,
-            objects=options.objects,
-            seed=options.seed,
-            seeds=options.seeds,
-            base_pose_weights=weights_fingerprint(options.weights)["sha256"],
-        )
+        settings = {name: getattr(options, name) for name in _SHARED}
+        digest = weights_fingerprint(options.weights)["sha256"]
+        config = dataclasses.replace(base, **settings, base_pose_weights=digest)
         ablation = Ablation(config, jax.device_put(load_robot(config.robot)), base_pose)
         with RunDirectory(options.out, config, resume=options.resume) as run:
             states = ablation.train(options.studies, run, reporter, resume=options.resume)
@@ -95,6 +109,12 @@ def _ablate(options: Arguments, given: list[str]) -> int:
     except OSError as error:
         return _fail(1, f"{options.out}: can't be written: {error.strerror}")
     return 0
+
+
+def _from_preset(preset: Preset, *, objects: int, seed: int) -> AblationConfig:
+    from basenet_jax.learning.config import make_ablation
+
+    return make_ablation(preset, objects=objects, seed=seed, seeds=5, base_pose_weights="")
 
 
 def _write(options: Arguments, ablation: "Ablation", run: "RunDirectory", states: dict[str, Any], command: str) -> str:

@@ -1,4 +1,4 @@
-"""The library's front door: scenes in, plans, verdicts and pictures out, with the default world.
+"""The library's front door: scenes in, plans, verdicts and pictures out.
 
 The batched functions underneath (`task.plan.execute`, `pick`, `navigation_time`, ...) take the robot as an argument and
 go under jit, vmap and sharding; these here compile for themselves and keep what they made for the next call.
@@ -6,11 +6,11 @@ go under jit, vmap and sharding; these here compile for themselves and keep what
 
 import dataclasses
 import functools
-import math
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Hashable, Iterable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
@@ -18,12 +18,12 @@ import numpy as np
 from jax import Array
 from jaxtyping import PRNGKeyArray
 
-from basenet_jax.config import WorldConfig
-from basenet_jax.devices import ONE_DEVICE, Devices
-from basenet_jax.planners import registry
+from basenet_jax.config import GridConfig, WorldConfig
+from basenet_jax.planners import protocol, registry
 from basenet_jax.planners.protocol import Planner, PlannerSetup
 from basenet_jax.robot.model import Robot
-from basenet_jax.robot.reading import DEFAULT_ROBOT, Stamp, load_robot, robot_stamp
+from basenet_jax.robot.reading import DEFAULT_ROBOT, load_robot, robot_digest, robot_stamp
+from basenet_jax.settings import Settings
 from basenet_jax.task import plan as judge
 from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.world.generate import draw_scene
@@ -35,52 +35,137 @@ if TYPE_CHECKING:
 
     from basenet_jax.exports import Export
 
-_draw_scene = jax.jit(draw_scene, static_argnames="slots")
+RobotLike = Robot | str | os.PathLike[str]  # itself, a packaged one's name, or the path of a robot file
+
+_draw_scene = jax.jit(draw_scene, static_argnames=("slots", "config"))
 
 
-def sample_scene(key: PRNGKeyArray, *, objects: int = 10, robot: str = DEFAULT_ROBOT) -> NamedScene:
+def sample_scene(
+    key: PRNGKeyArray, *, objects: int = 10, robot: RobotLike = DEFAULT_ROBOT, world: WorldConfig = WorldConfig()
+) -> NamedScene:
     """A random scene, objects named `mug_1` and so on.
 
     Args:
         key: consumed.
         objects: their number, 1 to 50.
-        robot: a packaged one's name, or the path of a robot file.
+        robot: the one that the scene names: a packaged one's name, the path of a robot file, or a robot.
+        world: of its table, and how scenes are drawn.
 
     Raises:
         ValueError: the number is out of range, or so many objects found no place on the table (try another key).
     """
     if not 1 <= objects <= MAX_OBJECTS:
         raise ValueError(f"objects: found {objects}, allowed are 1 to {MAX_OBJECTS}")
-    arrays, placed = _draw_scene(key, objects, Table.from_config(), slots=objects)
+    arrays, placed = _draw_scene(key, objects, Table.from_config(world.table), slots=objects, config=world.scene)
     if not bool(placed):
         raise ValueError(f"objects: found {objects}, which found no place on the table; draw another scene, or fewer")
-    return name_objects(arrays, robot)
+    return name_objects(arrays, robot.name if isinstance(robot, Robot) else os.fspath(robot))
+
+
+@dataclass(frozen=True)
+class ScenePlanner:
+    """A planner for scenes of one robot, one table and one world; made by `make_planner`."""
+
+    name: str
+    setup: PlannerSetup  # robot, table and world
+    options: Settings | None  # its own
+    planner: Planner  # what plans arrays
+
+    def __call__(self, scene: NamedScene | Scene, key: Array | None = None) -> Plan:
+        """Plans one scene; the first call for a number of objects compiles.
+
+        Args:
+            scene: unbatched, with the planner's table.
+            key: for planners that draw random numbers; by default `jax.random.key(0)`.
+
+        Raises:
+            ValueError: the table is another one, or (`PlanningError`) the planner can't serve the scene.
+        """
+        arrays = _arrays(scene)
+        self._check_table(arrays.table)
+        return self.planner(arrays, jax.random.key(0) if key is None else key)
+
+    def plan_batch(self, scenes: Scene, key: Array | None = None) -> Plan:
+        """Plans many scenes in one call: the learned planners in one program, the others one after the other.
+
+        Args:
+            scenes: with one leading axis, and the planner's table.
+            key: split into one for each scene; by default `jax.random.key(0)`.
+
+        Raises:
+            ValueError: it is no batch, a table is another one, or (`PlanningError`) a scene can't be served.
+        """
+        if scenes.mask.ndim != 2 or not len(scenes.mask):
+            raise ValueError(
+                f"scenes: found a mask of shape {scenes.mask.shape}, needs scenes x objects, at least one scene"
+            )
+        self._check_table(scenes.table)
+        return protocol.plan_batch(self.planner, scenes, jax.random.key(0) if key is None else key)
+
+    def _check_table(self, table: Table) -> None:
+        own, found = (_table_sizes(each) for each in (self.setup.table, table))
+        if not np.allclose(found, own, rtol=0.0, atol=1e-6):
+            (length, width, height), (x, y, z) = np.ravel(own), np.reshape(found, (-1, 3))[0]
+            allowed = f"is the planner's of {length:.3f} x {width:.3f} m, {height:.3f} m high"
+            raise ValueError(f"table: found one of {x:.3f} x {y:.3f} m, {z:.3f} m high, allowed {allowed}")
+
+
+def make_planner(
+    name: str = "basenet",
+    *,
+    robot: RobotLike = DEFAULT_ROBOT,
+    table: Table | None = None,
+    world: WorldConfig = WorldConfig(),
+    grid: GridConfig = GridConfig(),
+    **options: Any,
+) -> ScenePlanner:
+    """A planner by its name, for as many scenes as one likes; made once for the same arguments, and kept.
+
+    Args:
+        name: pbg, pbg-gc, mbp, mbp-gc, dp, greedy-stops, refined, basenet-paper, basenet or basenet-sample.
+        robot: a packaged one's name, the path of a robot file, or a robot.
+        table: of the scenes; by default the world's.
+        world: of drives and picks.
+        grid: of base poses that the classical planners choose from, and others fall back on.
+        options: the planner's own, such as `samples=512` of basenet-sample; `planners.options` has them all.
+
+    Raises:
+        ValueError: there is no such planner or robot, the planner has no such option, or its weights can't be used.
+    """
+    if options.get("weights") is not None:
+        options["weights"] = Path(options["weights"])
+    own = registry.make_options(name, options)
+    weights = options.get("weights")
+    # A file that was written anew is another one.
+    version = weights.stat().st_mtime_ns if weights is not None and weights.exists() else None
+    sizes = _table_sizes(Table.from_config(world.table) if table is None else table)
+    return _planner(name, _identified(robot), tuple(sizes.tolist()), world, grid, own, version)
 
 
 def make_plan(
     scene: NamedScene | Scene,
     *,
-    planner: str = "basenet",
-    weights: str | os.PathLike[str] | None = None,
-    budget_s: float = 0.0,
-    samples: int = 256,
+    planner: str | ScenePlanner = "basenet",
+    robot: RobotLike | None = None,
+    world: WorldConfig | None = None,
     key: Array | None = None,
+    **options: Any,
 ) -> Plan:
     """Plans one scene: where the robot parks, and in which order it picks.
 
     Args:
-        scene: unbatched; planned for its robot, or without one for `ur5e_mobile`.
-        planner: pbg, pbg-gc, mbp, mbp-gc, dp, greedy-stops, refined, basenet-paper, basenet or basenet-sample.
-        weights: a file of the learned planners' weights; by default those shipped with the package.
-        budget_s: how long an anytime planner (refined) goes on for a better plan; its first one it always finishes.
-        samples: rollouts that basenet-sample draws and takes the best of.
+        scene: unbatched.
+        planner: a name, as for `make_planner`, or what that made: then robot, world and options are its own.
+        robot: as for `make_planner`; by default the scene's, or without one `ur5e_mobile`.
+        world: of drives and picks; by default `WorldConfig()`.
         key: for planners that draw random numbers; by default `jax.random.key(0)`.
+        options: the planner's own, as for `make_planner`, such as `budget_s=2.0` of refined.
 
     Raises:
-        ValueError: there is no such planner, its weights can't be used, or (`PlanningError`) it can't serve the scene.
+        ValueError: there is no such planner, it has no such option, its weights can't be used, or (`PlanningError`) it
+            can't serve the scene.
     """
-    _, made = planner_for(scene, planner, weights, budget_s, samples)
-    return made(_arrays(scene), jax.random.key(0) if key is None else key)
+    return planner_of(scene, planner, robot, world, options)(scene, key)
 
 
 def replan(
@@ -88,11 +173,11 @@ def replan(
     robot_pose: Sequence[float] | Array,
     gone: Iterable[str | int],
     *,
-    planner: str = "basenet",
-    weights: str | os.PathLike[str] | None = None,
-    budget_s: float = 0.0,
-    samples: int = 256,
+    planner: str | ScenePlanner = "basenet",
+    robot: RobotLike | None = None,
+    world: WorldConfig | None = None,
     key: Array | None = None,
+    **options: Any,
 ) -> Plan:
     """Plans what is left, from where the robot stands now: after each pick, and whenever something has changed.
 
@@ -104,10 +189,10 @@ def replan(
         robot_pose: the base's present (x, y, heading) in W, m and rad; where it parked for a pick will do.
         gone: names or slots of the objects that are not on the table any more, picked or taken away.
         planner: as for `make_plan`.
-        weights: likewise.
-        budget_s: likewise.
-        samples: likewise.
+        robot: likewise.
+        world: likewise.
         key: likewise.
+        options: likewise.
 
     Raises:
         ValueError: there is no such object; or see `make_plan`.
@@ -121,25 +206,31 @@ def replan(
         raise ValueError(f"robot_pose: found {np.asarray(robot_pose).tolist()}, needs x, y and heading, all finite")
     left = dataclasses.replace(arrays, mask=jnp.asarray(mask), robot_start=start)
     again = dataclasses.replace(scene, arrays=left) if isinstance(scene, NamedScene) else left
-    return make_plan(again, planner=planner, weights=weights, budget_s=budget_s, samples=samples, key=key)
+    return make_plan(again, planner=planner, robot=robot, world=world, key=key, **options)
 
 
-def execute(scene: NamedScene | Scene, plan: Plan, *, robot: str | None = None) -> Outcome:
+def execute(
+    scene: NamedScene | Scene, plan: Plan, *, robot: RobotLike | None = None, world: WorldConfig = WorldConfig()
+) -> Outcome:
     """The judge's verdict on a plan, per step and in total.
 
     Args:
         scene: one, or a batch of `Scene`.
         plan: of the same batch shape.
-        robot: a packaged one's name, or a robot file; by default the scene's, or without one `ur5e_mobile`.
+        robot: as for `make_planner`; by default the scene's, or without one `ur5e_mobile`.
+        world: of drives and picks.
     """
-    return judge.compiled_execute(_robot(robot or _robot_name(scene)), _arrays(scene), plan, config=WorldConfig())
+    return judge.compiled_execute(_robot(robot, scene), _arrays(scene), plan, config=world)
 
 
-def plot_plan(scene: NamedScene | Scene, plan: Plan) -> "Figure":
-    """Top view of one scene and its plan, as a Matplotlib figure."""
+def plot_plan(
+    scene: NamedScene | Scene, plan: Plan, *, robot: RobotLike | None = None, world: WorldConfig = WorldConfig()
+) -> "Figure":
+    """Top view of one scene and its plan, as a Matplotlib figure; robot and world as for `execute`."""
     from basenet_jax import plots  # Matplotlib takes half a second to import
 
-    return plots.plot_plan(_robot(_robot_name(scene)), _arrays(scene), plan, execute(scene, plan))
+    outcome = execute(scene, plan, robot=robot, world=world)
+    return plots.plot_plan(_robot(robot, scene), _arrays(scene), plan, outcome)
 
 
 def export_plan(
@@ -150,6 +241,8 @@ def export_plan(
     table_pose: tuple[float, float, float] = (0.0, 0.0, 0.0),
     map_frame: str = "map",
     formats: Sequence[str] = ("yaml", "csv", "bag"),
+    robot: RobotLike | None = None,
+    world: WorldConfig = WorldConfig(),
 ) -> "Export":
     """Writes a plan for a robot: base goals and arm trajectories as messages of ROS 2, and the states over time.
 
@@ -162,6 +255,8 @@ def export_plan(
         table_pose: x, y (m) and yaw (rad) of the table's frame in the map that the robot navigates in.
         map_frame: the name of that map's frame.
         formats: yaml for `plan.yaml`, csv for `execution.csv`, bag for a ROS 2 bag (which needs the extra `ros`).
+        robot: as for `execute`.
+        world: likewise.
 
     Raises:
         ValueError: (`exports.ExportError`) the folder isn't empty, a format is unknown or lacks its package, the pose
@@ -170,66 +265,78 @@ def export_plan(
     """
     from basenet_jax.exports import export  # most plans are not exported
 
-    robot, outcome = _robot(_robot_name(scene)), execute(scene, plan)
-    return export(robot, scene, plan, outcome, directory, table_pose=table_pose, map_frame=map_frame, formats=formats)
+    outcome, where = execute(scene, plan, robot=robot, world=world), {"table_pose": table_pose, "map_frame": map_frame}
+    return export(_robot(robot, scene), scene, plan, outcome, directory, **where, formats=formats, world=world)
 
 
-def planner_for(
+def planner_of(
     scene: NamedScene | Scene,
-    name: str,
-    weights: str | os.PathLike[str] | None = None,
-    budget_s: float = 0.0,
-    samples: int = 256,
-    devices: Devices = ONE_DEVICE,
-) -> tuple[PlannerSetup, Planner]:
-    """A planner for a scene's robot and table, and what it was made for; made once and kept.
-
-    Raises:
-        ValueError: there is no such planner, its weights can't be used, the budget is negative or not finite, or
-            there is no sample.
-    """
-    if not 0 <= budget_s < math.inf:
-        raise ValueError(f"budget: found {budget_s}, allowed are 0 and more seconds")
-    if samples < 1:
-        raise ValueError(f"samples: found {samples}, allowed are 1 and more")
+    planner: str | ScenePlanner,
+    robot: RobotLike | None,
+    world: WorldConfig | None,
+    options: dict[str, Any],
+) -> ScenePlanner:
+    """A planner for a scene's table, and its robot unless there is another; see `make_plan`."""
+    if isinstance(planner, ScenePlanner):
+        given = {"robot": robot, "world": world, **options}
+        if found := [name for name, value in given.items() if value is not None]:
+            raise ValueError(f"{found[0]}: found beside a planner that is made; give it to make_planner")
+        return planner
+    robot = _robot_name(scene) if robot is None else robot
     table = jax.device_get(_arrays(scene).table)
-    path = None if weights is None else Path(weights)
-    # A file that was written anew is another one.
-    version = path.stat().st_mtime_ns if path is not None and path.exists() else None
-    sides = (float(table.half_size[0]), float(table.half_size[1]))
-    robot = _robot_name(scene)
-    stamp = robot_stamp(robot)
-    return _planner(name, robot, stamp, sides, float(table.height), budget_s, samples, devices, path, version)
+    return make_planner(planner, robot=robot, table=table, world=world or WorldConfig(), **options)
 
 
 @functools.lru_cache(maxsize=16)
 def _planner(
     name: str,
-    robot: str,
-    stamp: Stamp,
-    half_size: tuple[float, float],
-    height: float,
-    budget_s: float,
-    samples: int,
-    devices: Devices,
-    weights: Path | None,
+    robot: "_Identified",
+    sizes: tuple[float, float, float],
+    world: WorldConfig,
+    grid: GridConfig,
+    options: Settings | None,
     version: int | None,
-) -> tuple[PlannerSetup, Planner]:
-    del stamp, version
-    table = Table(half_size=jnp.array(half_size), height=jnp.array(height))
-    own = {"weights": weights, "samples": samples, "budget_s": budget_s, "devices": devices}
-    setup = PlannerSetup(_robot(robot), table, **own)
-    return setup, registry.make_planner(name, setup)
+) -> ScenePlanner:
+    del version
+    length, width, height = sizes
+    table = Table(half_size=jnp.array((length / 2, width / 2)), height=jnp.array(height))
+    setup = PlannerSetup(robot.on_device(), table, world, grid)
+    return ScenePlanner(name, setup, options, registry.make_planner(name, setup, options))
 
 
-def _robot(name: str) -> Robot:
-    return _robot_on_device(name, robot_stamp(name))
+@dataclass(frozen=True)
+class _Identified:
+    """A robot that caches know again."""
+
+    identity: Hashable
+    robot: Robot = field(compare=False)
+
+    def on_device(self) -> Robot:
+        """Its arrays on JAX's device."""
+        return _robot_on_device(self)
+
+
+def _identified(robot: RobotLike) -> _Identified:
+    if isinstance(robot, Robot):
+        return _Identified(robot_digest(robot), robot)
+    name = os.fspath(robot)
+    return _Identified((name, robot_stamp(name)), load_robot(name))
 
 
 @functools.lru_cache(maxsize=16)
-def _robot_on_device(name: str, stamp: Stamp) -> Robot:
-    del stamp
-    return jax.device_put(load_robot(name))
+def _robot_on_device(robot: _Identified) -> Robot:
+    return jax.device_put(robot.robot)
+
+
+def _robot(robot: RobotLike | None, scene: NamedScene | Scene) -> Robot:
+    """The robot that is asked for, else the scene's."""
+    return _identified(_robot_name(scene) if robot is None else robot).on_device()
+
+
+def _table_sizes(table: Table) -> np.ndarray:
+    """Length, width, height (m) along the last axis."""
+    table = jax.device_get(table)
+    return np.concatenate([2 * np.asarray(table.half_size), np.asarray(table.height)[..., None]], axis=-1)
 
 
 def _slot(scene: NamedScene | Scene, which: str | int) -> int:

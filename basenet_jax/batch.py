@@ -1,7 +1,7 @@
 """The front door for many scenes: drawn together, planned together, judged together."""
 
-import os
 from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -10,21 +10,21 @@ from jax import Array
 from jaxtyping import PRNGKeyArray
 
 from basenet_jax import api
-from basenet_jax.devices import use_devices
-from basenet_jax.planners import protocol
-from basenet_jax.robot.reading import DEFAULT_ROBOT
+from basenet_jax.api import RobotLike, ScenePlanner
+from basenet_jax.config import WorldConfig
 from basenet_jax.task.plan import Plan
 from basenet_jax.world.generate import draw_scene
-from basenet_jax.world.scene import MAX_OBJECTS, NamedScene, Scene, Table
+from basenet_jax.world.scene import MAX_OBJECTS, Scene, Table
 
 
-def sample_scenes(key: PRNGKeyArray, *, count: int, objects: int = 10) -> Scene:
-    """A batch of random scenes with the same number of objects.
+def sample_scenes(key: PRNGKeyArray, *, count: int, objects: int = 10, world: WorldConfig = WorldConfig()) -> Scene:
+    """A batch of random scenes with the same number of objects; robots have no part in them.
 
     Args:
         key: consumed; one part for each scene.
         count: how many scenes, at least 1.
         objects: in each of them, 1 to 50.
+        world: of their table, and how scenes are drawn.
 
     Raises:
         ValueError: a number is out of range, or in some scene so many objects found no place (try another key).
@@ -33,7 +33,7 @@ def sample_scenes(key: PRNGKeyArray, *, count: int, objects: int = 10) -> Scene:
         raise ValueError(f"count: found {count}, allowed are 1 and more")
     if not 1 <= objects <= MAX_OBJECTS:
         raise ValueError(f"objects: found {objects}, allowed are 1 to {MAX_OBJECTS}")
-    scenes, placed = _draw(jax.random.split(key, count), objects)
+    scenes, placed = _draw(jax.random.split(key, count), objects, world)
     if not bool(jnp.all(placed)):
         raise ValueError(f"objects: found {objects}, which found no place in some scene; draw others, or fewer")
     return scenes
@@ -42,28 +42,25 @@ def sample_scenes(key: PRNGKeyArray, *, count: int, objects: int = 10) -> Scene:
 def plan_batch(
     scenes: Scene,
     *,
-    planner: str = "basenet",
-    robot: str = DEFAULT_ROBOT,
-    weights: str | os.PathLike[str] | None = None,
-    budget_s: float = 0.0,
-    samples: int = 256,
+    planner: str | ScenePlanner = "basenet",
+    robot: RobotLike | None = None,
+    world: WorldConfig | None = None,
     key: Array | None = None,
-    devices: int | None = None,
+    **options: Any,
 ) -> Plan:
     """Plans many scenes in one call: the learned planners in one program, the others one scene after the other.
 
     Args:
         scenes: with one leading axis, the table repeated along it and the same for all.
         planner: as for `make_plan`.
-        robot: a packaged one's name, or a robot file.
-        weights: as for `make_plan`.
-        budget_s: likewise, for each scene.
-        samples: likewise.
+        robot: likewise; by default `ur5e_mobile`.
+        world: as for `make_plan`.
         key: split into one for each scene; by default `jax.random.key(0)`.
-        devices: so many share the scenes of the learned planners; by default all of this process.
+        options: the planner's own, as for `make_planner`; of the learned ones `devices`, how many share the scenes, is
+            by default all of this process.
 
     Returns:
-        Plans with the same leading axis, which `execute` judges together with the scenes, given the robot.
+        Plans with the same leading axis, which `execute` judges together with the scenes, given robot and world.
 
     Raises:
         ValueError: it is no batch, or their tables differ; there aren't so many devices; or see `make_plan`.
@@ -75,12 +72,11 @@ def plan_batch(
     tables = np.column_stack([np.asarray(x).reshape(len(scenes.mask), -1) for x in jax.tree.leaves(scenes.table)])
     if not np.all(tables == tables[0]):
         raise ValueError("scenes: found several tables; plan the scenes of each table in a call of their own")
-    first = NamedScene(jax.tree.map(lambda x: x[0], scenes), names=(), robot=robot)
-    shared = use_devices(jax.local_device_count() if devices is None else devices)
-    _, made = api.planner_for(first, planner, weights, budget_s, samples, shared)
-    return protocol.plan_batch(made, scenes, jax.random.key(0) if key is None else key)
+    first = jax.tree.map(lambda x: x[0], scenes)
+    return api.planner_of(first, planner, robot, world, options).plan_batch(scenes, key)
 
 
-@partial(jax.jit, static_argnames="objects")
-def _draw(keys: Array, objects: int) -> tuple[Scene, Array]:
-    return jax.vmap(lambda key: draw_scene(key, objects, Table.from_config(), slots=objects))(keys)
+@partial(jax.jit, static_argnames=("objects", "world"))
+def _draw(keys: Array, objects: int, world: WorldConfig) -> tuple[Scene, Array]:
+    table = Table.from_config(world.table)
+    return jax.vmap(lambda key: draw_scene(key, objects, table, slots=objects, config=world.scene))(keys)

@@ -2,14 +2,15 @@
 
 import dataclasses
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
-import tyro
+from basenet_jax.command_line import PlannerArguments, parse, world_of_file
+from basenet_jax.config import WorldConfig
 
 
-@dataclass(frozen=True)
-class Arguments:
+@dataclass(frozen=True, kw_only=True)
+class Arguments(PlannerArguments):
     """Runs planners on random scenes or scene files, judges their plans and writes the paper's Table I.
 
     Into --out come table.md, table.csv and results.json: share of objects grasped, planning time P, navigation time N,
@@ -35,20 +36,21 @@ class Arguments:
     """Warm calls per scene and planner; P is their median."""
     timed: int = 100
     """So many scenes are planned again and again, for P; the rest once, together where the planner can."""
-    weights: Path | None = None
-    """Weights file of the learned planners. Default: the one shipped with the package."""
-    budget: float = 0.0
-    """Seconds that an anytime planner (refined) goes on for a better plan; its first one it always finishes."""
-    samples: int = 256
-    """Rollouts that basenet-sample draws and takes the best of."""
     devices: int | None = None
     """How many of this machine's devices plan the scenes beyond --timed together. Default: all."""
+    config: Path | None = None
+    """YAML or JSON file of settings, such as a training's config.json, whose world is used. Options come before it."""
+    world: WorldConfig = field(default_factory=WorldConfig)
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Runs the command and returns its exit code."""
     given = sys.argv[1:] if arguments is None else arguments
-    options = tyro.cli(Arguments, args=given, prog="python -m basenet_jax.evaluate")
+    try:
+        defaults = {"world": world_of_file(given)}
+    except ValueError as error:
+        return _fail(2, str(error))
+    options = parse(Arguments, given, "python -m basenet_jax.evaluate", defaults)
     try:
         return _evaluate(options, given)
     except KeyboardInterrupt:
@@ -65,7 +67,8 @@ def _evaluate(options: Arguments, given: list[str]) -> int:
     from basenet_jax.learning.progress import make_reporter
 
     enable_cache()
-    request = Request(**dataclasses.asdict(options))
+    named = {each.name for each in dataclasses.fields(Request)} - {"options"}
+    request = Request(**{name: getattr(options, name) for name in named}, options=options.given_options())
     try:
         planners, sets, about = prepare(request, given)
     except ValueError as error:

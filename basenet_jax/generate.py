@@ -1,13 +1,17 @@
 """Writes random scene files: `python -m basenet_jax.generate --objects 10 --count 50 --out scenes`."""
 
+import dataclasses
 import os
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
 import tyro
+
+from basenet_jax.command_line import TablesAndScenes, parse, world_of_file
+from basenet_jax.config import WorldConfig
 
 _MAX_COUNT = 100_000
 _QUIET_S = 2.0  # work shorter than this shows no progress
@@ -17,8 +21,8 @@ _QUIET_S = 2.0  # work shorter than this shows no progress
 class Arguments:
     """Writes random scenes as scene-0000.yaml, scene-0001.yaml, ... into a folder.
 
-    Objects are of the five packaged classes, uniformly on a table of 2.0 x 0.8 m; the robot starts 2.5 to 3 m from the
-    table's centre. Scene i of a seed is the same whatever the count.
+    Objects are of the five packaged classes, uniformly on a table of 2.0 x 0.8 m unless --world says otherwise; the
+    robot starts 2.5 to 3 m from its centre. Scene i of a seed is the same whatever the count.
     """
 
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
@@ -33,11 +37,21 @@ class Arguments:
     """The robot that the scenes name: a packaged one, or the path of a robot file."""
     overwrite: bool = False
     """Replace scene files of the same names."""
+    config: Path | None = None
+    """YAML or JSON file of settings, such as a training's config.json, whose world is used. Options come before it."""
+    world: TablesAndScenes = field(default_factory=TablesAndScenes)
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Runs the command and returns its exit code."""
-    options = tyro.cli(Arguments, args=arguments, prog="python -m basenet_jax.generate")
+    given = sys.argv[1:] if arguments is None else arguments
+    try:
+        world = world_of_file(given)
+        defaults = {"world": TablesAndScenes(world.table, world.scene)}
+        options = parse(Arguments, given, "python -m basenet_jax.generate", defaults)
+        world = dataclasses.replace(world, table=options.world.table, scene=options.world.scene)
+    except ValueError as error:
+        return _fail(2, str(error))
     for name, value, low, high in (
         ("objects", options.objects, 1, 50),
         ("count", options.count, 1, _MAX_COUNT),
@@ -46,14 +60,14 @@ def main(arguments: list[str] | None = None) -> int:
         if not low <= value <= high:
             return _fail(2, f"--{name}: found {value}, allowed are {low} to {high}")
     try:
-        return _generate(options)
+        return _generate(options, world)
     except OSError as error:
         return _fail(2, f"--out: {options.out}: can't be written: {error.strerror}")
     except KeyboardInterrupt:
         return _fail(130, f"interrupted; the scenes written so far are in {options.out}")
 
 
-def _generate(options: Arguments) -> int:
+def _generate(options: Arguments, world: WorldConfig) -> int:
     try:
         options.out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -85,7 +99,8 @@ def _generate(options: Arguments) -> int:
     try:
         for index, name in enumerate(names):
             own = jax.random.fold_in(key, index)
-            save_scene(options.out / name, sample_scene(own, objects=options.objects, robot=options.robot))
+            drawn = sample_scene(own, objects=options.objects, robot=options.robot, world=world)
+            save_scene(options.out / name, drawn)
             if not shown and time.monotonic() - begin > _QUIET_S:
                 reporter.start("scenes", options.count, index, unit="scenes")
                 shown = True

@@ -1,13 +1,16 @@
 """Plans one scene: `python -m basenet_jax.plan scene.yaml --out plan.json`."""
 
+import dataclasses
 import io
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
+from basenet_jax.command_line import DrivesAndPicks, PlannerArguments, parse, world_of_file
+from basenet_jax.config import WorldConfig
 from basenet_jax.offscreen import RenderError, choose_backend
 
 if TYPE_CHECKING:
@@ -16,8 +19,8 @@ if TYPE_CHECKING:
     from basenet_jax.world.scene import NamedScene
 
 
-@dataclass(frozen=True)
-class Arguments:
+@dataclass(frozen=True, kw_only=True)
+class Arguments(PlannerArguments):
     """Plans where the robot parks and in which order it picks the objects of a scene, and prints the plan.
 
     Base poses are x, y (m) and heading (degrees) in the table frame: its origin is on the floor under the table's
@@ -33,12 +36,9 @@ class Arguments:
     """pbg, pbg-gc, mbp, mbp-gc, dp, greedy-stops, refined, basenet-paper, basenet or basenet-sample."""
     robot: str | None = None
     """A packaged robot's name or the path of a robot file, instead of the robot that the scene names."""
-    weights: Path | None = None
-    """Of the learned planners, as training writes them; the others need none. Default: the packaged ones."""
-    budget: float = 0.0
-    """Seconds that an anytime planner (refined) goes on for a better plan; its first one it always finishes."""
-    samples: int = 256
-    """Rollouts that basenet-sample draws and takes the best of."""
+    config: Path | None = None
+    """YAML or JSON file of settings, such as a training's config.json, whose world is used. Options come before it."""
+    world: DrivesAndPicks = field(default_factory=DrivesAndPicks)
     picture: Path | None = None
     """Where to draw the plan: a name ending in .png, .pdf or .svg."""
     explain: bool = False
@@ -59,16 +59,23 @@ class Arguments:
 
 def main(arguments: list[str] | None = None) -> int:
     """Runs the command and returns its exit code."""
-    options = tyro.cli(Arguments, args=arguments, prog="python -m basenet_jax.plan")
+    given = sys.argv[1:] if arguments is None else arguments
+    try:
+        world = world_of_file(given)
+    except ValueError as error:
+        return _fail(2, str(error))
+    defaults = {"world": DrivesAndPicks(world.navigation, world.pick)}
+    options = parse(Arguments, given, "python -m basenet_jax.plan", defaults)
+    world = dataclasses.replace(world, navigation=options.world.navigation, pick=options.world.pick)
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal may know fewer letters than the names of objects
     try:
-        return _plan(options)
+        return _plan(options, world)
     except KeyboardInterrupt:
         return _fail(130, "interrupted")
 
 
-def _plan(options: Arguments) -> int:
+def _plan(options: Arguments, world: WorldConfig) -> int:
     try:
         if options.video:
             choose_backend()  # before MuJoCo is imported
@@ -78,7 +85,7 @@ def _plan(options: Arguments) -> int:
     import jax
     from rich.console import Console
 
-    from basenet_jax.api import planner_for
+    from basenet_jax.api import make_planner
     from basenet_jax.compilation import enable_cache
     from basenet_jax.plan_outputs import check_outputs
     from basenet_jax.planners.protocol import PlanningError
@@ -91,15 +98,16 @@ def _plan(options: Arguments) -> int:
         scene = load_scene(options.scene, robot=options.robot)
         if scene.written_for:
             print(f"basenet_jax.plan: {options.scene} names the robot {scene.written_for}, not this", file=sys.stderr)
-        setup, planner = planner_for(scene, options.planner, options.weights, options.budget, options.samples)
+        made_for = {"robot": scene.robot, "table": scene.arrays.table, "world": world, "grid": options.grid}
+        made = make_planner(options.planner, **made_for, **options.given_options())
     except ValueError as error:
         return _fail(2, str(error))
     try:
         with Console(stderr=True).status("planning (a machine's first time is mostly compiling)"):
-            timed = plan_timed(planner, scene.arrays, jax.random.key(0))
+            timed = plan_timed(made.planner, scene.arrays, jax.random.key(0))
     except PlanningError as error:
         return _fail(2, f"{options.scene}: {error}")
-    return _report(options, scene, setup, timed)
+    return _report(options, scene, made.setup, timed)
 
 
 def _report(options: Arguments, scene: "NamedScene", setup: "PlannerSetup", timed: "TimedPlan") -> int:
@@ -111,10 +119,10 @@ def _report(options: Arguments, scene: "NamedScene", setup: "PlannerSetup", time
     from basenet_jax.plan_outputs import OutputError, write_outputs
     from basenet_jax.planners.explanation import count_reasons
 
-    plan, outcome = jax.device_get((timed.plan, api.execute(scene, timed.plan)))
+    plan, outcome = jax.device_get((timed.plan, api.execute(scene, timed.plan, world=setup.world)))
     counts = count_reasons(setup, scene.arrays) if options.explain else None
     try:
-        said = write_outputs(options, setup.robot, scene, timed, outcome)
+        said = write_outputs(options, setup, scene, timed, outcome)
     except OutputError as error:
         return _fail(2, str(error))
     print_plan(scene, plan, outcome)

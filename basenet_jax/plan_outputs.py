@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from basenet_jax.plan import Arguments
+    from basenet_jax.planners.protocol import PlannerSetup
     from basenet_jax.planners.timed import TimedPlan
-    from basenet_jax.robot.model import Robot
     from basenet_jax.task.plan import Outcome
     from basenet_jax.world.scene import NamedScene
 
@@ -55,13 +55,13 @@ def check_outputs(options: "Arguments") -> None:
 
 
 def write_outputs(
-    options: "Arguments", robot: "Robot", scene: "NamedScene", timed: "TimedPlan", outcome: "Outcome"
+    options: "Arguments", setup: "PlannerSetup", scene: "NamedScene", timed: "TimedPlan", outcome: "Outcome"
 ) -> list[str]:
     """Makes all that is asked for, then writes it.
 
     Args:
         options: of the command.
-        robot: the scene's.
+        setup: what was planned for.
         scene: what was planned.
         timed: its plan.
         outcome: of executing it.
@@ -72,8 +72,8 @@ def write_outputs(
     Raises:
         OutputError: something can't be made or written.
     """
-    picture = _draw(api.plot_plan(scene, timed.plan), options.picture) if options.picture else b""
-    video = _film(options, robot, scene, timed, outcome) if options.video else b""
+    picture = _draw(api.plot_plan(scene, timed.plan, world=setup.world), options.picture) if options.picture else b""
+    video = _film(options, setup, scene, timed, outcome) if options.video else b""
     said: list[str] = []
     path = options.out
     try:
@@ -85,7 +85,7 @@ def write_outputs(
                 write_atomically(path, content)
         path = options.export
         if path:
-            said = _export(options, path, scene, timed, outcome)
+            said = _export(options, setup, path, scene, timed, outcome)
     except OSError as error:
         raise OutputError(f"{path}: can't be written: {error.strerror}") from error
     return said
@@ -97,14 +97,18 @@ def _draw(figure: "Figure", path: Path) -> bytes:
     return buffer.getvalue()
 
 
-def _film(options: "Arguments", robot: "Robot", scene: "NamedScene", timed: "TimedPlan", outcome: "Outcome") -> bytes:
+def _film(
+    options: "Arguments", setup: "PlannerSetup", scene: "NamedScene", timed: "TimedPlan", outcome: "Outcome"
+) -> bytes:
     from basenet_jax.plots import RenderError, encode_video, render_video
 
     assert options.video
     suffix = options.video.suffix.lower()
     # A GIF of 960 x 640 pixels and 30 frames a second would take tens of MB.
     size = {"width": 480, "height": 320, "frames_per_s": 10.0} if suffix == ".gif" else {}
-    video = render_video(robot, scene.arrays, timed.plan, outcome, speed=options.video_speed, **size)
+    video = render_video(
+        setup.robot, scene.arrays, timed.plan, outcome, speed=options.video_speed, config=setup.world, **size
+    )
     reporter = make_reporter()
 
     def frames() -> Iterator[np.ndarray]:
@@ -122,7 +126,12 @@ def _film(options: "Arguments", robot: "Robot", scene: "NamedScene", timed: "Tim
 
 
 def _export(
-    options: "Arguments", folder: Path, scene: "NamedScene", timed: "TimedPlan", outcome: "Outcome"
+    options: "Arguments",
+    setup: "PlannerSetup",
+    folder: Path,
+    scene: "NamedScene",
+    timed: "TimedPlan",
+    outcome: "Outcome",
 ) -> list[str]:
     if not outcome.grasped:
         return [f"nothing is exported to {folder}: no object can be grasped"]
@@ -134,6 +143,7 @@ def _export(
         table_pose=(x, y, radians(yaw)),
         map_frame=options.map_frame,
         formats=options.export_format,
+        world=setup.world,
     )
     if done.left_out:
         names = ", ".join(f"{name} ({reason})" for name, reason in done.left_out.items())

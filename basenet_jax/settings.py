@@ -43,6 +43,7 @@ Natural = Annotated[int, Range(0, _MOST)]
 Seed = Annotated[int, Range(0, 2**32 - 1)]
 
 
+@dataclass(frozen=True)
 class Settings:
     """Base of the frozen dataclasses of settings: each is checked when it is made, in Python as from a file.
 
@@ -53,7 +54,8 @@ class Settings:
 
     def __post_init__(self) -> None:
         for name, hint in hints_of(type(self)).items():
-            checked(getattr(self, name), hint, f"{type(self).__name__}.{name}")
+            value = checked(getattr(self, name), hint, f"{type(self).__name__}.{name}")
+            object.__setattr__(self, name, value)  # 1 has become 1.0 where that is meant: equal settings read alike
         self._check_together()
 
     def _check_together(self) -> None:
@@ -82,14 +84,14 @@ def hints_of(kind: type) -> dict[str, Any]:
 
 
 def checked(value: Any, hint: Any, path: str, *, plain: bool = False) -> Any:
-    """A value that its annotation allows.
+    """A value that its annotation allows, numbers as Python's own of the annotated type.
 
     Args:
         value: found.
         hint: an annotation of a field of `Settings`: bool, int, float, str, a Literal, a tuple or a dataclass,
             possibly with a `Range` or None.
         path: of the field, for messages.
-        plain: it comes from a file: lists stand for tuples, and whole numbers for others are made so.
+        plain: it comes from a file: lists stand for tuples.
 
     Raises:
         SettingError: it doesn't; the message names the field, what was found and what is allowed.
@@ -103,9 +105,9 @@ def checked(value: Any, hint: Any, path: str, *, plain: bool = False) -> Any:
     if get_origin(hint) is tuple:
         return _checked_tuple(value, get_args(hint), path, plain)
     if hint is float and isinstance(value, numbers.Real) and not isinstance(value, bool) and bounds.holds(float(value)):
-        return float(value) if plain else value
+        return float(value)
     if hint is int and isinstance(value, numbers.Integral) and not isinstance(value, bool) and bounds.holds(int(value)):
-        return value
+        return int(value)
     if get_origin(hint) is Literal and isinstance(value, str) and value in get_args(hint):
         return value
     if isinstance(hint, type) and hint not in (int, float) and isinstance(value, hint):

@@ -2,11 +2,16 @@
 
 import shlex
 import sys
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-import tyro
+from basenet_jax.command_line import base_config, parse, peek
+from basenet_jax.config import WorldConfig
+from basenet_jax.learning.config import ReinforceConfig, SacConfig, StopLearningConfig, TrainConfig
+
+_SHARED = ("preset", "seed", "robot", "world", "sac", "reinforce", "stops", "evaluation_objects", "evaluation_scenes")
 
 
 @dataclass(frozen=True)
@@ -35,28 +40,50 @@ class Arguments:
     """How many of this machine's devices share the work; the result is one device's up to rounding. Default: all."""
     layer: Literal["base-pose", "sequence", "stops", "all"] = "all"
     """What to train; sequence needs the base-pose weights of the run directory."""
+    config: Path | None = None
+    """YAML or JSON file of settings instead of the preset's, such as another run's config.json, which repeats that run.
+    Only what differs need be there; options come before it. With --resume, by default that of the run."""
+    evaluation_objects: tuple[int, ...] = (5, 10)
+    """Numbers of objects in the random scenes of the last evaluation."""
+    evaluation_scenes: int = 50
+    """How many of each."""
+    world: WorldConfig = field(default_factory=WorldConfig)
+    sac: SacConfig = field(default_factory=SacConfig)
+    """Of the base-pose layer: Soft Actor-Critic; one iteration is a batch of fresh episodes and some updates."""
+    reinforce: ReinforceConfig = field(default_factory=ReinforceConfig)
+    """Of the sequence layer: REINFORCE with a greedy-rollout baseline."""
+    stops: StopLearningConfig = field(default_factory=StopLearningConfig)
+    """Of the stops layer: imitation, then REINFORCE."""
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Runs the command and returns its exit code."""
-    options = tyro.cli(Arguments, args=arguments, prog="python -m basenet_jax.train")
+    from basenet_jax.learning.config import make_preset
+
+    given = sys.argv[1:] if arguments is None else arguments
+    try:
+        base = base_config(given, make_preset, _file(given))
+    except ValueError as error:
+        return _fail(2, str(error))
+    shared = {name: getattr(base, name) for name in _SHARED}
+    defaults = shared | {"objects": base.reinforce.objects, "run_dir": None}
+    options = parse(Arguments, given, "python -m basenet_jax.train", defaults)
     if not 1 <= options.objects <= 50:
         return _fail(2, f"--objects: found {options.objects}, allowed are 1 to 50")
     if options.resume and options.run_dir is None:
         return _fail(2, "--resume: needs the run to continue, as --run-dir DIR")
     try:
-        return _train(options)
+        return _train(options, base)
     except KeyboardInterrupt:
         return _fail(130, "interrupted before there was a run")
 
 
-def _train(options: Arguments) -> int:
+def _train(options: Arguments, base: TrainConfig) -> int:
     # Here and not above: JAX, Brax and MuJoCo take seconds to import, which --help needn't wait for.
     from basenet_jax.compilation import enable_cache
     from basenet_jax.devices import use_devices
     from basenet_jax.evaluation.summary import print_summary, summarise
     from basenet_jax.learning.checkpoint import CheckpointError
-    from basenet_jax.learning.config import make_preset
     from basenet_jax.learning.progress import make_reporter
     from basenet_jax.learning.run_directory import RunDirectory, default_path
     from basenet_jax.learning.training import Training
@@ -69,9 +96,14 @@ def _train(options: Arguments) -> int:
     except ValueError as error:
         return _fail(2, str(error))
     digest = None if robot.name in packaged_robots() else robot_digest(robot)
-    config = make_preset(
-        options.preset, objects=options.objects, seed=options.seed, robot=robot.name, robot_digest=digest
-    )
+    if base.robot_digest and (base.robot, base.robot_digest) != (robot.name, digest):
+        hint = "without robot_digest in the configuration another one is trained for"
+        return _fail(2, f"robot: found {robot.name}, which isn't the one that the configuration is for; {hint}")
+    try:
+        settings = {name: getattr(options, name) for name in _SHARED}
+        config = TrainConfig(**settings | {"robot": robot.name, "robot_digest": digest})
+    except ValueError as error:
+        return _fail(2, str(error))
     try:
         training = Training(config, robot, use_devices(options.devices))
     except ValueError as error:
@@ -97,9 +129,18 @@ def _train(options: Arguments) -> int:
     return 0
 
 
+def _file(arguments: Sequence[str]) -> str | None:
+    """The file of settings: the one that is named, else that of a run to resume."""
+    named, run = peek(arguments, "--config"), peek(arguments, "--run-dir")
+    if named is not None or run is None or "--resume" not in arguments:
+        return named
+    own = Path(run) / "config.json"
+    return str(own) if own.is_file() else None
+
+
 def _resume_command(options: Arguments, path: Path) -> str:
-    command = f"python -m basenet_jax.train --objects {options.objects} --preset {options.preset}"
-    command += f" --seed {options.seed} --robot {shlex.quote(options.robot)} --layer {options.layer}"
+    """The other settings stand in the run's own file."""
+    command = f"python -m basenet_jax.train --robot {shlex.quote(options.robot)} --layer {options.layer}"
     command += "" if options.devices is None else f" --devices {options.devices}"
     return f"{command} --run-dir {shlex.quote(str(path))} --resume"
 

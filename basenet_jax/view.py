@@ -4,15 +4,18 @@ import importlib.util
 import os
 import sys
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
+from basenet_jax.command_line import PlannerArguments, parse, world_of_file
+from basenet_jax.config import WorldConfig
 
-@dataclass(frozen=True)
-class Arguments:
+
+@dataclass(frozen=True, kw_only=True)
+class Arguments(PlannerArguments):
     """Serves a web page on which a scene can be changed with the mouse while its plan follows, and be played.
 
     Ctrl-C ends it. The page shows table, objects, robot, the plan on the floor with its navigation time N and grasping
@@ -30,19 +33,26 @@ class Arguments:
     """pbg, pbg-gc, mbp, mbp-gc, dp, greedy-stops, refined, basenet-paper, basenet or basenet-sample."""
     compare: str | None = None
     """A second planner, shown beside the first."""
-    weights: Path | None = None
-    """Of the learned planners, as training writes them; the others need none. Default: the packaged ones."""
     robot: str | None = None
     """A packaged robot's name or the path of a robot file, instead of the robot that scenes name."""
     objects: int = 10
     """In a random scene, 1 to 50."""
     seed: int = 0
     """Of random scenes."""
+    config: Path | None = None
+    """YAML or JSON file of settings, such as a training's config.json, whose world is used. Options come before it."""
+    world: WorldConfig = field(default_factory=WorldConfig)
+    """Of drives, picks and random scenes; a scene file has its own table."""
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Runs the command and returns its exit code."""
-    options = tyro.cli(Arguments, args=arguments, prog="python -m basenet_jax.view")
+    given = sys.argv[1:] if arguments is None else arguments
+    try:
+        defaults = {"world": world_of_file(given)}
+    except ValueError as error:
+        return _fail(2, str(error))
+    options = parse(Arguments, given, "python -m basenet_jax.view", defaults)
     if importlib.util.find_spec("viser") is None:
         return _fail(2, 'viser is not installed: pip install "basenet_jax[viewer]"')
     try:
@@ -55,29 +65,32 @@ def _view(options: Arguments) -> int:
     # Here and not above: JAX and MuJoCo take seconds to import, which --help needn't wait for.
     import jax
 
-    from basenet_jax.api import planner_for, sample_scene
+    from basenet_jax.api import sample_scene
     from basenet_jax.compilation import enable_cache
+    from basenet_jax.planners.registry import shared_options
     from basenet_jax.robot.reading import DEFAULT_ROBOT
     from basenet_jax.viewer.app import Viewer, check_address
-    from basenet_jax.viewer.session import Choices
+    from basenet_jax.viewer.planned import Choices, planner_for
     from basenet_jax.world.scene_file import load_scene
 
     enable_cache()
     planners = (options.planner, *([options.compare] if options.compare else []))
+    shared = {"options": options.given_options(), "world": options.world, "grid": options.grid}
+    choices = Choices(planners, robot=options.robot, **shared)
     try:
         check_address(options.host, options.port)
         if options.scene is not None:
             scene = load_scene(options.scene, robot=options.robot)
         else:
             key, robot = jax.random.key(options.seed), options.robot or DEFAULT_ROBOT
-            scene = sample_scene(key, objects=options.objects, robot=robot)
+            scene = sample_scene(key, objects=options.objects, robot=robot, world=options.world)
+        shared_options(planners, choices.options)
         for name in planners:
-            planner_for(scene, name, options.weights)
+            planner_for(scene, name, choices)
     except ValueError as error:
         return _fail(2, str(error))
     if scene.written_for:
         print(f"basenet_jax.view: {options.scene} names the robot {scene.written_for}, not this", file=sys.stderr)
-    choices = Choices(planners, options.weights, options.robot)
     viewer = Viewer(scene, choices, host=options.host, port=options.port, seed=options.seed)
     print(f"basenet_jax.view: {viewer.url} (Ctrl-C ends it)", flush=True)
     try:

@@ -5,7 +5,6 @@ continuously, and `refined` with a long budget from several seeds. A plan that i
 so a further run, with another seed or more time, only improves the files; it can be interrupted at any moment.
 """
 
-import dataclasses
 import functools
 import sys
 from collections.abc import Iterator
@@ -25,6 +24,7 @@ from basenet_jax.evaluation.scene_sets import random_set
 from basenet_jax.learning.progress import make_reporter
 from basenet_jax.planners.candidates import check_candidates, grid_poses
 from basenet_jax.planners.dp import plan_exactly
+from basenet_jax.planners.options import RefinedOptions
 from basenet_jax.planners.protocol import PlannerSetup
 from basenet_jax.planners.refined import Refined
 from basenet_jax.task.plan import Plan, execute
@@ -74,7 +74,7 @@ def main(arguments: list[str] | None = None) -> None:
     options = tyro.cli(Options, args=arguments, prog="python -m benchmarks.best_known", description=__doc__)
     enable_cache()
     reporter = make_reporter()
-    refined = Refined(dataclasses.replace(_setup(), budget_s=options.budget))
+    refined = Refined(_setup(), RefinedOptions(budget_s=options.budget))
     for objects in options.objects:
         best = {known.scene: known for known in read(objects)}
         scenes = random_set(objects, options.scenes, seed=SCENE_SEED)

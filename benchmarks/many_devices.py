@@ -19,7 +19,7 @@ from basenet_jax.devices import Devices, use_devices
 from basenet_jax.learning.config import ReinforceConfig, SacConfig, TrainConfig
 from basenet_jax.learning.training import Training
 from basenet_jax.planners.protocol import PlannerSetup
-from basenet_jax.planners.registry import make_planner
+from basenet_jax.planners.registry import make_options, make_planner
 from basenet_jax.policies.trained import load_policies
 from benchmarks.harness import Options, Report, parse, speed_table
 from benchmarks.scaling_picture import draw_scaling, rate_points
@@ -116,7 +116,7 @@ def _training(devices: Devices, iterations: int, repeats: int) -> list[Row]:
 
 def _planning(devices: Devices, name: str, count: int, repeats: int) -> Row:
     scenes = sample_scenes(jax.random.key(0), count=count, objects=OBJECTS)
-    planner: Any = make_planner(name, PlannerSetup(devices=devices))
+    planner: Any = make_planner(name, PlannerSetup(), make_options(name, {"devices": devices.count}))
 
     def run() -> None:
         jax.block_until_ready(planner.plan_batch(scenes, jax.random.key(1)))

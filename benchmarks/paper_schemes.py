@@ -35,7 +35,7 @@ _execute: Callable[..., Any] = jax.jit(execute, static_argnames="config")
 
 def make_schemes(setup: PlannerSetup, grid: GridConfig) -> dict[str, Evaluate]:
     """What is compared, by name; exact planning comes first."""
-    robot, world, weights = setup.robot, setup.world, load_policies(setup.weights)
+    robot, world, weights = setup.robot, setup.world, load_policies()
     poses = jnp.asarray(grid_poses(robot, setup.table, grid, world.pick))
 
     def judged(scene: Scene, plan: Plan) -> tuple[float, float, float]:

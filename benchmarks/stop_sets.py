@@ -20,6 +20,7 @@ from basenet_jax.evaluation.orders import random_scenes
 from basenet_jax.planners.aligned_stops import aligned_poses
 from basenet_jax.planners.candidates import check_candidates, grid_poses
 from basenet_jax.planners.dp import plan_exactly
+from basenet_jax.planners.options import RefinedOptions
 from basenet_jax.planners.protocol import Planner, PlannerSetup
 from basenet_jax.planners.refined import Refined
 from basenet_jax.task.plan import Plan, execute
@@ -78,7 +79,7 @@ def _planners(setup: PlannerSetup) -> dict[str, tuple[Planner, int]]:
     planners = {name: (_exactly(setup, poses), len(poses)) for name, poses in sets.items()}
     in_line = len(_in_line(setup, AlignedConfig().step_m))
     for rounds in (RefinementConfig().rounds, 256):
-        refined = Refined(setup, refinement=RefinementConfig(rounds=rounds))
+        refined = Refined(setup, RefinedOptions(refinement=RefinementConfig(rounds=rounds)))
         planners[f"in line, every 10 cm, then {rounds} rounds of refinement"] = (refined, in_line)
     return planners
 

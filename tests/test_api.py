@@ -12,6 +12,7 @@ import pytest
 import basenet_jax as bn
 from basenet_jax import api
 from basenet_jax.planners import registry
+from basenet_jax.planners.options import RefinedOptions
 from tests import compiled
 from tests.scene_texts import TEXT, park_once
 
@@ -28,8 +29,8 @@ def asked(monkeypatch):
     """What planners were made for, with planners that cost nothing."""
     setups = []
 
-    def make(name, setup):
-        setups.append((name, setup))
+    def make(name, setup, options):
+        setups.append((name, setup, options))
         return park_once
 
     monkeypatch.setattr(registry, "make_planner", make)
@@ -68,10 +69,9 @@ def test_planners_are_made_once_for_a_robot_table_and_weights(asked, scene, tmp_
     for _ in range(2):
         bn.make_plan(scene, planner="dp")
         bn.make_plan(scene.arrays, planner="dp")
-    assert [name for name, _ in asked] == ["dp"]
+    assert [name for name, *_ in asked] == ["dp"]
     setup = asked[0][1]
     np.testing.assert_array_equal(setup.table.half_size, scene.arrays.table.half_size)
-    assert setup.weights is None
     bn.make_plan(scene, planner="pbg")
     low = scene.arrays.replace(table=scene.arrays.table.replace(height=np.float32(0.6)))
     bn.make_plan(low, planner="dp")
@@ -81,7 +81,7 @@ def test_planners_are_made_once_for_a_robot_table_and_weights(asked, scene, tmp_
     weights.write_bytes(b"1")
     for _ in range(2):
         bn.make_plan(scene, weights=str(weights))
-    assert asked[3][1].weights == weights
+    assert asked[3][2].weights == weights
     assert len(asked) == 4
 
 
@@ -101,10 +101,10 @@ def test_keys_reach_the_planner(scene, monkeypatch):
         keys.append(key)
         return park_once(scene, key)
 
-    monkeypatch.setattr(registry, "make_planner", lambda name, setup: remember)
+    monkeypatch.setattr(registry, "make_planner", lambda name, setup, options: remember)
     api._planner.cache_clear()
-    bn.make_plan(scene, planner="other")
-    bn.make_plan(scene, planner="other", key=jax.random.key(5))
+    bn.make_plan(scene, planner="dp")
+    bn.make_plan(scene, planner="dp", key=jax.random.key(5))
     api._planner.cache_clear()
     assert [int(jax.random.key_data(key)[-1]) for key in keys] == [0, 5]
 
@@ -135,7 +135,7 @@ def test_a_number_of_objects_out_of_range_is_refused(objects):
 
 @pytest.mark.parametrize("budget", [-1.0, float("nan"), float("inf")])
 def test_a_budget_that_is_none_is_refused(scene, budget):
-    with pytest.raises(ValueError, match="budget: found"):
+    with pytest.raises(ValueError, match="budget_s: found"):
         bn.make_plan(scene, planner="refined", budget_s=budget)
 
 
@@ -145,8 +145,8 @@ def test_a_number_of_samples_that_is_none_is_refused(scene):
 
 
 def test_the_budget_reaches_the_planner(asked, scene):
-    bn.make_plan(scene, planner="refined", budget_s=1.5, samples=7)
-    assert (asked[-1][1].budget_s, asked[-1][1].samples) == (1.5, 7)
+    bn.make_plan(scene, planner="refined", budget_s=1.5)
+    assert asked[-1][2] == RefinedOptions(budget_s=1.5)
 
 
 def test_what_is_left_is_planned_from_where_the_robot_stands(scene, planned):

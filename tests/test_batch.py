@@ -45,7 +45,7 @@ def test_planners_of_one_scene_plan_one_after_the_other(scenes, monkeypatch):
         keys.append(jax.random.key_data(key))
         return park_once(one, key)
 
-    monkeypatch.setattr(registry, "make_planner", lambda name, setup: note)
+    monkeypatch.setattr(registry, "make_planner", lambda name, setup, options: note)
     api._planner.cache_clear()
     try:
         plans = bn.plan_batch(scenes, planner="dp", key=jax.random.key(8))

@@ -12,6 +12,8 @@ import pytest
 from basenet_jax import evaluate
 from basenet_jax.evaluation import planning, table
 from basenet_jax.evaluation.table_files import NAMES
+from basenet_jax.planners import registry
+from basenet_jax.planners.registry import PlannerKind
 from basenet_jax.world.scene import NamedScene
 from basenet_jax.world.scene_file import save_scene
 from tests import judged
@@ -22,7 +24,8 @@ ROOT = Path(__file__).parents[1]
 
 @pytest.fixture(autouse=True)
 def fakes(monkeypatch):
-    monkeypatch.setattr(planning, "PLANNERS", FAKES | {"unhappy": Unhappy})
+    kinds = {name: PlannerKind(make) for name, make in (FAKES | {"unhappy": Unhappy}).items()}
+    monkeypatch.setattr(registry, "PLANNERS", kinds)
 
 
 @pytest.fixture
@@ -85,7 +88,11 @@ def test_random_scenes_of_several_sizes_are_evaluated(capsys, tmp_path, monkeypa
         (["--seed", "-1"], "--seed: found -1, allowed are 0 to 4294967295"),
         (["--scene-dir", "none"], "none: found no folder of this name"),
         (["--scene-dir", "none", "--scenes", "3"], "--scene-dir: its files say what the scenes are; leave out"),
-        (["--scenes", "1", "--objects", "1", "--weights", "none.weights"], "none.weights: can't be read: No such file"),
+        (
+            ["--weights", "none.weights"],
+            "option weights: found, but none of the planners fixed,",
+        ),
+        (["--config", "none.yaml"], "none.yaml: can't be read: No such file"),
     ],
 )
 def test_bad_input_is_refused_in_one_line(capsys, tmp_path, arguments, message):

@@ -28,6 +28,7 @@ LAYERS = (
     ("api",),
     ("batch",),
     ("viewer",),
+    ("command_line",),
     ("train", "ablate", "evaluate", "plan", "plan_outputs", "generate", "view", "__main__"),
 )
 LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}

@@ -12,6 +12,7 @@ import pytest
 import yaml
 
 from basenet_jax import api, offscreen, plan, plots
+from basenet_jax.config import WorldConfig
 from basenet_jax.planners import registry
 from basenet_jax.planners.protocol import PlanningError
 from basenet_jax.task.plan_file import load_plan
@@ -27,8 +28,8 @@ def made(monkeypatch):
     """Planners that cost nothing; the names that were asked for."""
     names = []
 
-    def make(name, setup):
-        del setup
+    def make(name, setup, options):
+        del setup, options
         names.append(name)
         return park_once
 
@@ -141,7 +142,7 @@ def test_a_film_shows_its_progress(call, monkeypatch):
     monkeypatch.setattr(plan, "choose_backend", lambda: None)
     monkeypatch.setattr(plots, "render_video", render)
     code, _, err = call("scene.yaml", "--video", "a.mp4", "--video-speed", "4")
-    assert (code, asked) == (0, {"speed": 4.0})
+    assert (code, asked) == (0, {"speed": 4.0, "config": WorldConfig()})
     assert "film: 5/5 (100 %)" in err
     with open("a.mp4", "rb") as file:
         assert file.read(8)[4:] == b"ftyp"
@@ -213,7 +214,7 @@ def test_what_a_planner_refuses_is_passed_on(call, monkeypatch):
     def refuse(scene, key):
         raise PlanningError("objects: found 2, dp plans at most 1; use basenet")
 
-    monkeypatch.setattr(registry, "make_planner", lambda name, setup: refuse)
+    monkeypatch.setattr(registry, "make_planner", lambda name, setup, options: refuse)
     code, out, err = call("scene.yaml", "--out", "plan.json")
     assert (code, out) == (2, "")
     assert err == "basenet_jax.plan: scene.yaml: objects: found 2, dp plans at most 1; use basenet\n"
@@ -239,7 +240,7 @@ def test_an_interrupt_ends_quietly(call, monkeypatch):
     def interrupt(scene, key):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(registry, "make_planner", lambda name, setup: interrupt)
+    monkeypatch.setattr(registry, "make_planner", lambda name, setup, options: interrupt)
     assert call("scene.yaml") == (130, "", "basenet_jax.plan: interrupted\n")
 
 

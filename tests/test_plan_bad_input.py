@@ -27,7 +27,7 @@ SLOW = pytest.mark.slow
 @pytest.fixture(scope="module", autouse=True)
 def _cheap_planner():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(registry, "make_planner", lambda name, setup: park_once)
+        patch.setattr(registry, "make_planner", lambda name, setup, options: park_once)
         api._planner.cache_clear()
         yield
     api._planner.cache_clear()

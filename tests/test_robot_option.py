@@ -37,8 +37,8 @@ def setups(monkeypatch):
     """What planners were made for; planning costs nothing."""
     made = []
 
-    def make(name, setup):
-        del name
+    def make(name, setup, options):
+        del name, options
         made.append(setup)
         return park_once
 
@@ -115,12 +115,12 @@ def test_wrong_robots_are_refused_before_any_work(folder, capsys, command, argum
 
 
 def test_evaluation_takes_the_robot(folder):
-    request = Request(folder / "out", (2,), 1, ("greedy-stops",), None, 0, 1, None, robot="mine.yaml")
+    request = Request(folder / "out", (2,), 1, ("greedy-stops",), None, 0, 1, robot="mine.yaml")
     planners, _, about = prepare(request, [])
     assert planners.setup.robot.name == about["robot"] == "mine"
     (folder / "scenes").mkdir()
     (folder / "scenes" / "scene.yaml").write_text(TEXT)
-    request = Request(folder / "out", None, None, ("greedy-stops",), folder / "scenes", 0, 1, None, robot="mine.yaml")
+    request = Request(folder / "out", None, None, ("greedy-stops",), folder / "scenes", 0, 1, robot="mine.yaml")
     assert prepare(request, [])[0].setup.robot.name == "mine"
 
 
@@ -129,7 +129,7 @@ def test_weights_of_another_robot_are_refused(planner):
     setup = PlannerSetup(robot=jax.device_put(load_robot("ur10e_mobile")))
     message = "found weights for the robot 'ur5e_mobile', needed are some for 'ur10e_mobile': train them"
     with pytest.raises(ValueError, match=message):
-        registry.PLANNERS[planner](setup)
+        registry.make_planner(planner, setup)
 
 
 def test_the_packaged_weights_are_for_the_default_robot():

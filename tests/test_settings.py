@@ -1,6 +1,7 @@
 """Every configuration refuses values that mean nothing, by name, when it is made."""
 
 import dataclasses
+import inspect
 import math
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
@@ -11,18 +12,24 @@ import pytest
 from basenet_jax import config
 from basenet_jax.config import GridConfig, PickConfig, SceneConfig, TableConfig, WorldConfig
 from basenet_jax.learning import config as learning
-from basenet_jax.learning.ablation import AblationConfig
-from basenet_jax.learning.config import ReinforceConfig, SacConfig, StopLearningConfig, TrainConfig, make_preset
+from basenet_jax.learning.config import (
+    AblationConfig,
+    ReinforceConfig,
+    SacConfig,
+    StopLearningConfig,
+    TrainConfig,
+    make_preset,
+)
+from basenet_jax.planners import options
 from basenet_jax.settings import Range, SettingError, Settings, checked, hints_of
 
 KINDS = sorted(
     {
         each
-        for module in (config, learning)
+        for module in (config, learning, options)
         for each in vars(module).values()
         if isinstance(each, type) and issubclass(each, Settings) and each is not Settings
-    }
-    | {AblationConfig},
+    },
     key=lambda kind: kind.__name__,
 )
 FIELDS = [pytest.param(kind, name, id=f"{kind.__name__}.{name}") for kind in KINDS for name in hints_of(kind)]
@@ -57,9 +64,8 @@ def test_there_are_configurations_to_test():
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_field_says_on_the_command_line_what_it_is(kind):
     """The text below a field is its help; sections have their class's."""
-    import inspect
-
-    lines = [line.strip() for line in inspect.getsource(kind).splitlines()]
+    parts = [each for each in kind.__mro__ if each not in (Settings, object)]
+    lines = [line.strip() for part in parts for line in inspect.getsource(part).splitlines()]
     for name, hint in hints_of(kind).items():
         if (isinstance(hint, type) and issubclass(hint, Settings)) or kind in (TrainConfig, AblationConfig):
             continue

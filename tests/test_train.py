@@ -136,7 +136,7 @@ def test_an_evaluation_that_is_interrupted_says_how_to_resume(capsys, monkeypatc
     code, out, err = call(capsys, *SIZES, "--run-dir", str(run), "--resume", "--devices", "1")
     said, command = err.splitlines()[-2:]
     assert (code, out, said) == (130, "", "basenet_jax.train: interrupted; to resume:")
-    assert command.startswith("python -m basenet_jax.train --objects 3 ")
+    assert command.startswith("python -m basenet_jax.train --robot ur5e_mobile --layer all ")
     assert shlex.split(command)[-5:] == ["--devices", "1", "--run-dir", str(run), "--resume"]
 
 

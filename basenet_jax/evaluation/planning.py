@@ -2,8 +2,10 @@
 
 import contextlib
 import gc
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -13,11 +15,14 @@ from jaxtyping import Float
 
 from basenet_jax.evaluation.scene_sets import SceneSet
 from basenet_jax.learning.progress import Reporter
+from basenet_jax.planners import registry
 from basenet_jax.planners.protocol import BatchPlanner, Planner, PlannerSetup, PlanningError
-from basenet_jax.planners.registry import PLANNERS, MakePlanner
 from basenet_jax.planners.timed import TimedPlan, plan_timed
+from basenet_jax.settings import Settings
 from basenet_jax.task.plan import Plan
 from basenet_jax.world.scene import Scene, Table
+
+MakePlanner = Callable[[PlannerSetup], Planner]
 
 
 @dataclass(frozen=True)
@@ -29,16 +34,25 @@ class Planned:
     compile_s: Float[np.ndarray, " B"]  # by how much each scene's first call took longer; likewise
 
 
-def choose_planners(names: Sequence[str]) -> dict[str, MakePlanner]:
-    """The planners of these names, each once, or of every name for `("all",)`.
+def own_options(names: Sequence[str], given: Mapping[str, Any]) -> dict[str, Settings | None]:
+    """Of the planners of these names, each once, or of every name for `("all",)`: its options (None: it has none).
+
+    Args:
+        names: of planners.
+        given: options; each planner takes those that it has.
 
     Raises:
-        ValueError: there is none of a name.
+        ValueError: there is no planner of a name, or none of them has an option, or not with such a value.
     """
-    names = tuple(PLANNERS) if tuple(names) == ("all",) else tuple(names)
-    if unknown := [name for name in names if name not in PLANNERS]:
-        raise ValueError(f"--planners: found {unknown[0]!r}, allowed are all, {', '.join(PLANNERS)}")
-    return {name: PLANNERS[name] for name in names}
+    names = tuple(registry.PLANNERS) if tuple(names) == ("all",) else tuple(names)
+    if unknown := [name for name in names if name not in registry.PLANNERS]:
+        raise ValueError(f"--planners: found {unknown[0]!r}, allowed are all, {', '.join(registry.PLANNERS)}")
+    return registry.shared_options(names, given)
+
+
+def choose_planners(options: Mapping[str, Settings | None]) -> dict[str, MakePlanner]:
+    """What makes planners, by name and with their options."""
+    return {name: partial(registry.PLANNERS[name].make_planner, options=own) for name, own in options.items()}
 
 
 class Planners:

@@ -1,19 +1,21 @@
 """From what a user asks for to planners and scenes, with every wrong wish refused before any work."""
 
-import math
+import dataclasses
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import jax
 
+from basenet_jax.config import GridConfig, WorldConfig
 from basenet_jax.devices import use_devices
 from basenet_jax.evaluation import provenance
-from basenet_jax.evaluation.planning import Planners, choose_planners
+from basenet_jax.evaluation.planning import Planners, choose_planners, own_options
 from basenet_jax.evaluation.scene_sets import SceneSet, load_sets, random_set
 from basenet_jax.planners.protocol import PlannerSetup
 from basenet_jax.robot.reading import DEFAULT_ROBOT, load_robot
+from basenet_jax.settings import Settings
 from basenet_jax.world.scene import MAX_OBJECTS
 
 DEFAULT_OBJECTS, DEFAULT_SCENES = (5, 10), 50
@@ -30,12 +32,12 @@ class Request:
     scene_dir: Path | None
     seed: int
     repeats: int
-    weights: Path | None
+    options: dict[str, Any] = field(default_factory=dict)  # of planners; each takes those that it has
     robot: str | None = None
     timed: int = 100
-    budget: float = 0.0
-    samples: int = 256
     devices: int | None = None
+    world: WorldConfig = field(default_factory=WorldConfig)
+    grid: GridConfig = field(default_factory=GridConfig)
 
 
 def prepare(request: Request, arguments: list[str]) -> tuple[Planners, list[SceneSet], dict[str, Any]]:
@@ -49,7 +51,10 @@ def prepare(request: Request, arguments: list[str]) -> tuple[Planners, list[Scen
         ValueError: something asked for can't be had; the message says what was found and what is allowed.
     """
     _check_numbers(request)
-    factories = choose_planners(request.planners)
+    use_devices(request.devices)  # so that too many are refused now
+    given = request.options | ({} if request.devices is None else {"devices": request.devices})
+    options = own_options(request.planners, given)
+    factories = choose_planners(options)
     _make_folder(request.out)
     setup, sets, source = _scenes(request)
     planners = Planners(factories, setup)
@@ -62,7 +67,10 @@ def prepare(request: Request, arguments: list[str]) -> tuple[Planners, list[Scen
         "seed": request.seed,
         "repeats": request.repeats,
         "timed": request.timed,
-        "weights": provenance.weights_fingerprint(request.weights),
+        "weights": provenance.weights_fingerprint(request.options.get("weights")),
+        "world": dataclasses.asdict(request.world),
+        "grid": dataclasses.asdict(request.grid),
+        "options": {name: _plain(own) for name, own in options.items() if own is not None},
         "versions": provenance.versions(),
         "hardware": provenance.hardware(),
         "commit": provenance.commit(),
@@ -72,20 +80,12 @@ def prepare(request: Request, arguments: list[str]) -> tuple[Planners, list[Scen
 
 def _scenes(request: Request) -> tuple[PlannerSetup, list[SceneSet], str]:
     """The planners' setup, the scenes, and in words where they come from."""
-    options: dict[str, Any] = {
-        "weights": request.weights,
-        "samples": request.samples,
-        "budget_s": request.budget,
-        "devices": use_devices(request.devices),
-    }
+    shared: dict[str, Any] = {"world": request.world, "grid": request.grid}
     if request.scene_dir is not None:
         robot, sets = load_sets(request.scene_dir, request.robot)
-        return (
-            PlannerSetup(robot=jax.device_put(load_robot(robot)), **options),
-            sets,
-            f"{sum(map(len, sets))} files of {request.scene_dir.name}",
-        )
-    setup = PlannerSetup(robot=jax.device_put(load_robot(request.robot or DEFAULT_ROBOT)), **options)
+        setup = PlannerSetup(robot=jax.device_put(load_robot(robot)), **shared)
+        return setup, sets, f"{sum(map(len, sets))} files of {request.scene_dir.name}"
+    setup = PlannerSetup(robot=jax.device_put(load_robot(request.robot or DEFAULT_ROBOT)), **shared)
     count, objects = request.scenes or DEFAULT_SCENES, tuple(dict.fromkeys(request.objects or DEFAULT_OBJECTS))
     sets = [random_set(number, count, seed=request.seed, world=setup.world) for number in objects]
     numbers = " / ".join(map(str, objects))
@@ -98,14 +98,18 @@ def _check_numbers(request: Request) -> None:
     for number in request.objects or ():
         if not 1 <= number <= MAX_OBJECTS:
             raise ValueError(f"--objects: found {number}, allowed are 1 to {MAX_OBJECTS}")
-    counts = {name: getattr(request, name) for name in ("scenes", "repeats", "timed", "samples")}
-    for name, number in counts.items():
+    for name in ("scenes", "repeats", "timed"):
+        number = getattr(request, name)
         if number is not None and number < 1:
             raise ValueError(f"--{name}: found {number}, allowed are 1 and more")
-    if not 0 <= request.budget < math.inf:
-        raise ValueError(f"--budget: found {request.budget}, allowed are 0 and more seconds")
     if not 0 <= request.seed < 2**32:
         raise ValueError(f"--seed: found {request.seed}, allowed are 0 to {2**32 - 1}")
+
+
+def _plain(options: Settings) -> dict[str, Any]:
+    """Options for the record; of paths the last part."""
+    values = dataclasses.asdict(options)
+    return {name: value.name if isinstance(value, Path) else value for name, value in values.items()}
 
 
 def _make_folder(folder: Path) -> None:

@@ -2,15 +2,13 @@
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import jax
 from jax import Array
 
-from basenet_jax.config import WorldConfig
 from basenet_jax.learning.base_pose_env import BasePoseEnv
-from basenet_jax.learning.config import Preset, ReinforceConfig, SacConfig, make_preset
+from basenet_jax.learning.config import AblationConfig
 from basenet_jax.learning.progress import Reporter
 from basenet_jax.learning.reinforce import Reinforce
 from basenet_jax.learning.run_directory import RunDirectory
@@ -18,7 +16,6 @@ from basenet_jax.learning.sac import Sac
 from basenet_jax.learning.training_loop import run_intervals
 from basenet_jax.policies.base_pose import BasePosePolicy
 from basenet_jax.robot.model import Robot
-from basenet_jax.settings import Range, Seed, Settings
 
 Study = Literal["base-frame", "baseline", "attention"]
 STUDIES: tuple[Study, ...] = ("base-frame", "baseline", "attention")
@@ -30,27 +27,6 @@ VARIANTS: dict[Study, tuple[str, str]] = {
     "attention": ("attention coefficients", "plain sum"),
 }
 PAPERS_SEQUENCE = "paper's sequence"  # the run that is the paper's choice of both studies of the sequence policy
-
-
-@dataclass(frozen=True)
-class AblationConfig(Settings):
-    """Everything that determines an ablation's result, but the base-pose policy under the sequence's studies."""
-
-    preset: Preset = "quick"
-    seed: Seed = 0
-    seeds: Annotated[int, Range(1, 32)] = 5  # trained side by side
-    robot: str = "ur5e_mobile"
-    world: WorldConfig = field(default_factory=WorldConfig)
-    sac: SacConfig = field(default_factory=SacConfig)
-    reinforce: ReinforceConfig = field(default_factory=ReinforceConfig)
-    base_pose_weights: str = ""  # SHA-256 of the file
-
-
-def make_ablation(preset: Preset, *, objects: int, seed: int, seeds: int, base_pose_weights: str) -> AblationConfig:
-    """The configuration of a preset, see `make_preset`, but base poses are learned at the paper's rate, from chance."""
-    config, papers = make_preset(preset, objects=objects, seed=seed), SacConfig()
-    sac = dataclasses.replace(config.sac, learning_rate=papers.learning_rate, guessed_iterations=0)
-    return AblationConfig(preset, seed, seeds, config.robot, config.world, sac, config.reinforce, base_pose_weights)
 
 
 class Ablation:

@@ -238,5 +238,26 @@ def make_preset(
     )
 
 
+@dataclass(frozen=True)
+class AblationConfig(Settings):
+    """Everything that determines an ablation's result, but the base-pose policy under the sequence's studies."""
+
+    preset: Preset = "quick"
+    seed: Seed = 0
+    seeds: Annotated[int, Range(1, 32)] = 5  # trained side by side
+    robot: str = "ur5e_mobile"
+    world: WorldConfig = field(default_factory=WorldConfig)
+    sac: SacConfig = field(default_factory=SacConfig)
+    reinforce: ReinforceConfig = field(default_factory=ReinforceConfig)
+    base_pose_weights: str = ""  # SHA-256 of the file
+
+
+def make_ablation(preset: Preset, *, objects: int, seed: int, seeds: int, base_pose_weights: str) -> AblationConfig:
+    """The configuration of a preset, see `make_preset`, but base poses are learned at the paper's rate, from chance."""
+    config, papers = make_preset(preset, objects=objects, seed=seed), SacConfig()
+    sac = dataclasses.replace(config.sac, learning_rate=papers.learning_rate, guessed_iterations=0)
+    return AblationConfig(preset, seed, seeds, config.robot, config.world, sac, config.reinforce, base_pose_weights)
+
+
 def _settings(config: Any, *names: str) -> dict[str, int]:
     return {name: getattr(config, name) for name in names}

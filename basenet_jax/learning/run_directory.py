@@ -1,6 +1,6 @@
 """The run directory: one training's configuration, records and results, in use by one process at a time.
 
-config.json          the configuration; a resumed run must have the same
+config.json          the configuration, which `--config` reads; a resumed run must have the same
 metrics.jsonl        one record per layer and evaluation interval
 tensorboard/LAYER/   the same as TensorBoard events
 checkpoints/LAYER/   see `checkpoint`

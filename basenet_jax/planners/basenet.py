@@ -18,11 +18,12 @@ from jax.typing import ArrayLike
 from jaxtyping import Bool, Float, Int
 
 from basenet_jax.compilation import Stored
-from basenet_jax.config import AlignedConfig, PickConfig, WorldConfig
-from basenet_jax.devices import Devices
+from basenet_jax.config import PickConfig, WorldConfig
+from basenet_jax.devices import Devices, use_devices
 from basenet_jax.planners.aligned_stops import aligned_poses
 from basenet_jax.planners.candidates import Candidates, check_candidates, estimate_times, join
 from basenet_jax.planners.optimistic import TOLERANCE_S, settle, stop_scenes
+from basenet_jax.planners.options import SampleOptions, StopsOptions
 from basenet_jax.planners.protocol import PlannerSetup, in_parts
 from basenet_jax.policies.stop_policy import StopGraph, StopPolicy, StopScene, stop_graph
 from basenet_jax.policies.stop_rollout import StopPlan, cheapest, choose_best, plans_of, play, sample
@@ -47,30 +48,30 @@ class BaSeNet:
     def __init__(
         self,
         setup: PlannerSetup,
+        options: StopsOptions = StopsOptions(),
         *,
-        sampled: bool = False,
         policy: StopPolicy = StopPolicy(),
         params: Any = None,
-        aligned: AlignedConfig = AlignedConfig(),
     ):
         """Prepares the stops.
 
         Args:
-            setup: robot, table, world, weights and, if sampled, the number of rollouts.
-            sampled: play many rollouts drawn from the policy beside the greedy one, and take the best by its cost.
+            setup: robot, table, world and grid.
+            options: `SampleOptions` have it play rollouts drawn from the policy beside the greedy one, and take the
+                best by its cost.
             policy: the network, and
-            params: its parameters; by default those of the setup's weights.
-            aligned: the stops.
+            params: its parameters; by default those of the options' weights.
 
         Raises:
             ValueError: the weights are missing, damaged, of other networks or for another robot; the message names
                 the file.
         """
-        self._setup, self._devices = setup, setup.devices
-        params = load_stops(setup.weights, setup.robot.name) if params is None else params
+        self._setup, self._devices = setup, use_devices(options.devices or jax.local_device_count())
+        params = load_stops(options.weights, setup.robot.name) if params is None else params
         self._made_for = _MadeFor(setup.robot, setup.table, params)
-        self._program = _Program(policy, setup.samples if sampled else 0, setup.world)
-        stops = jax.device_put(aligned_poses(setup.robot, setup.table, aligned, setup.world.pick))
+        samples = options.samples if isinstance(options, SampleOptions) else 0
+        self._program = _Program(policy, samples, setup.world)
+        stops = jax.device_put(aligned_poses(setup.robot, setup.table, options.aligned, setup.world.pick))
         self._graph = self._graph_of(stops)
 
     @property

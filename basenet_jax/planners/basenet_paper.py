@@ -4,7 +4,8 @@ import jax
 from jax import Array
 
 from basenet_jax.config import WorldConfig
-from basenet_jax.devices import ONE_DEVICE, Devices
+from basenet_jax.devices import ONE_DEVICE, Devices, use_devices
+from basenet_jax.planners.options import LearnedOptions
 from basenet_jax.planners.protocol import PlannerSetup, in_parts
 from basenet_jax.policies.grasp_sequence import GraspSequencePolicy
 from basenet_jax.policies.pickup import as_plan, choose_learned, rollout
@@ -23,9 +24,13 @@ class BaSeNetPaper:
         ValueError: the weights are missing, damaged, of other networks or for another robot; the message names them.
     """
 
-    def __init__(self, setup: PlannerSetup):
-        self._robot, self._world, self._devices = setup.robot, setup.world, setup.devices
-        self._weights = load_policies(setup.weights, setup.robot.name)
+    def __init__(self, setup: PlannerSetup, options: LearnedOptions = LearnedOptions()):
+        self._robot, self._world, self._devices = (
+            setup.robot,
+            setup.world,
+            use_devices(options.devices or jax.local_device_count()),
+        )
+        self._weights = load_policies(options.weights, setup.robot.name)
 
     def __call__(self, scene: Scene, key: Array) -> Plan:
         """See `Planner`; the key is ignored."""

@@ -11,22 +11,21 @@ from jaxtyping import Bool, Float
 from basenet_jax.config import NavigationConfig
 from basenet_jax.planners.candidates import Candidates
 from basenet_jax.planners.map_or_check import CandidateSource, unserved_reason
+from basenet_jax.planners.options import GreedyStopsOptions
 from basenet_jax.planners.protocol import PlannerSetup, assemble_plan
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.navigation import navigation_time
 from basenet_jax.task.plan import Plan
 from basenet_jax.world.scene import Scene
 
-SECONDS_PER_OBJECT = 4.0  # what serving one more object at a stop is worth; tuned on scenes apart (see benchmarks)
-
 
 class GreedyStops:
     """On validated candidates: next the stop of least navigation + excess pick time - worth of the objects served."""
 
-    def __init__(self, setup: PlannerSetup, *, seconds_per_object: float = SECONDS_PER_OBJECT):
+    def __init__(self, setup: PlannerSetup, options: GreedyStopsOptions = GreedyStopsOptions()):
         self._robot, self._navigation = setup.robot, setup.world.navigation
         self._candidates = CandidateSource(setup, checked=True)
-        self._worth = seconds_per_object
+        self._worth = options.seconds_per_object
 
     def __call__(self, scene: Scene, key: Array) -> Plan:
         """See `Planner`; the key is ignored."""

@@ -4,7 +4,6 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from typing import Protocol, TypeVar, runtime_checkable
 
 import jax
@@ -14,7 +13,7 @@ from jax import Array
 from jaxtyping import Bool, Float, Int
 
 from basenet_jax.config import GridConfig, WorldConfig
-from basenet_jax.devices import ONE_DEVICE, Devices
+from basenet_jax.devices import Devices
 from basenet_jax.planners.candidates import grid_poses
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.reading import load_robot
@@ -118,16 +117,12 @@ class PlanningError(ValueError):
 
 @dataclass(frozen=True)
 class PlannerSetup:
-    """What planners are made for, shared by all of one evaluation."""
+    """What planners are made for, shared by all of one evaluation; each has its own options beside."""
 
     robot: Robot = field(default_factory=lambda: jax.device_put(load_robot()))
     table: Table = field(default_factory=Table.from_config)
     world: WorldConfig = field(default_factory=WorldConfig)
     grid: GridConfig = field(default_factory=GridConfig)
-    weights: Path | None = None  # of the learned planners; None: those shipped with the package
-    samples: int = 256  # rollouts of planners that draw many and take the best
-    budget_s: float = 0.0  # anytime planners go on while it lasts; their first plan takes as long as it takes
-    devices: Devices = ONE_DEVICE  # that share the scenes of a batch, by planners that plan many in one program
 
     @cached_property
     def grid_poses(self) -> Float[np.ndarray, "K 3"]:

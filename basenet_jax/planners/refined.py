@@ -10,10 +10,11 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float
 
-from basenet_jax.config import AlignedConfig, RefinementConfig, WorldConfig
+from basenet_jax.config import RefinementConfig, WorldConfig
 from basenet_jax.planners.aligned_stops import aligned_poses
 from basenet_jax.planners.candidates import Candidates, check_candidates, join
 from basenet_jax.planners.exact_sequence import best_sequence
+from basenet_jax.planners.options import RefinedOptions
 from basenet_jax.planners.protocol import PlannerSetup
 from basenet_jax.planners.refinement import alternatives, reassign, refine
 from basenet_jax.planners.route import Route, as_plan, as_route, reason_by_slot
@@ -37,24 +38,11 @@ class Refined:
     and searched for many. Proposed are all aligned stops, later joined by stops around the best plan's.
     """
 
-    def __init__(
-        self,
-        setup: PlannerSetup,
-        *,
-        aligned: AlignedConfig = AlignedConfig(),
-        refinement: RefinementConfig = RefinementConfig(),
-    ):
-        """Prepares the aligned stops.
-
-        Args:
-            setup: robot, table, world, and the budget of time.
-            aligned: the proposed stops.
-            refinement: how they are moved.
-        """
-        self._setup = setup
-        self._refinement = refinement
+    def __init__(self, setup: PlannerSetup, options: RefinedOptions = RefinedOptions()):
+        """Prepares the aligned stops."""
+        self._setup, self._budget_s, self._refinement = setup, options.budget_s, options.refinement
         self._compiled: set[tuple[int, int]] = set()  # slots and served objects that a budget was spent on before
-        self._aligned = jax.device_put(aligned_poses(setup.robot, setup.table, aligned, setup.world.pick))
+        self._aligned = jax.device_put(aligned_poses(setup.robot, setup.table, options.aligned, setup.world.pick))
 
     def __call__(self, scene: Scene, key: Array) -> Plan:
         """See `Planner`."""
@@ -62,12 +50,12 @@ class Refined:
         plans = self.improving_plans(scene, key)
         plan = next(plans)
         took, shape = time.perf_counter() - begin, (len(scene.mask), int(np.sum(plan.served)))
-        if self._setup.budget_s and shape not in self._compiled:
+        if self._budget_s and shape not in self._compiled:
             plan = next(plans)  # compiles what further rounds need, which by itself may take longer than the budget
             self._compiled.add(shape)
             took = 0.0  # what compiled says nothing of the next round
         # Another round is begun if it ends in time, should it take as long as the last one.
-        while (start := time.perf_counter()) + took < begin + self._setup.budget_s:
+        while (start := time.perf_counter()) + took < begin + self._budget_s:
             plan = next(plans)
             took = time.perf_counter() - start
         return plan

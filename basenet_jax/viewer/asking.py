@@ -8,7 +8,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float
 
-from basenet_jax.config import GridConfig
+from basenet_jax.config import GridConfig, PickConfig
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.reading import load_robot
 from basenet_jax.task.picking import Pick, Reason, pick
@@ -36,7 +36,12 @@ class Answer:
         return sum(time is not None for time in self.times)
 
 
-def ask(scene: NamedScene, place: tuple[float, float], config: GridConfig = GridConfig()) -> Answer:
+def ask(
+    scene: NamedScene,
+    place: tuple[float, float],
+    grid: GridConfig = GridConfig(),
+    rules: PickConfig = PickConfig(),
+) -> Answer:
     """What can be picked from (x, y) on the floor, with the heading from which most can be, in least time.
 
     Where nothing can be, the heading is the first that doesn't collide with the table, if there is one.
@@ -44,9 +49,11 @@ def ask(scene: NamedScene, place: tuple[float, float], config: GridConfig = Grid
     Args:
         scene: padded; the same number of slots is compiled once.
         place: m, in W.
-        config: how many headings are tried.
+        grid: how many headings are tried.
+        rules: of picks.
     """
-    poses, picks = jax.device_get(_pick_all(load_robot(scene.robot), scene.arrays, np.array(place), config.turns))
+    robot = load_robot(scene.robot)
+    poses, picks = jax.device_get(_pick_all(robot, scene.arrays, np.array(place), grid.turns, rules))
     feasible, slots = picks.feasible & scene.arrays.mask, range(len(scene.names))
     collides = np.all(picks.reason == Reason.BASE_COLLIDES, axis=1)  # a rule of the pose alone, whatever is picked
     order = np.lexsort((np.sum(picks.time * feasible, axis=1), collides, -np.sum(feasible, axis=1)))
@@ -60,9 +67,11 @@ def ask(scene: NamedScene, place: tuple[float, float], config: GridConfig = Grid
     )
 
 
-@jax.jit(static_argnames="turns")
-def _pick_all(robot: Robot, scene: Scene, place: Float[Array, "2"], turns: int) -> tuple[Float[Array, "turns 3"], Pick]:
+@jax.jit(static_argnames=("turns", "rules"))
+def _pick_all(
+    robot: Robot, scene: Scene, place: Float[Array, "2"], turns: int, rules: PickConfig
+) -> tuple[Float[Array, "turns 3"], Pick]:
     """The base poses at a place, and the picks of all objects from each."""
     headings = jnp.arange(turns) * (2.0 * jnp.pi / turns)
     poses = jnp.stack([jnp.full(turns, place[0]), jnp.full(turns, place[1]), headings], axis=-1)
-    return poses, pick(robot, poses[:, None], scene.grasps, scene.table)
+    return poses, pick(robot, poses[:, None], scene.grasps, scene.table, rules)

@@ -94,10 +94,11 @@ class Controls:
         """As many objects as there are, for the same robot."""
         with self._drawing:
             self._seed += 1
-            scene = self._session.scene
+            scene, world = self._session.scene, self._session.world
+            like = {"objects": len(scene.names), "robot": scene.robot, "world": world}
             self._page.show_status("drawing a scene")  # the first of a size is compiled for
             try:
-                drawn = api.sample_scene(jax.random.key(self._seed), objects=len(scene.names), robot=scene.robot)
+                drawn = api.sample_scene(jax.random.key(self._seed), **like)
             finally:
                 self._page.show_status("")
         self._session.replace_scene(drawn)

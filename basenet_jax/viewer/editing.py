@@ -65,14 +65,14 @@ def move_object(scene: NamedScene, name: str, pose: Float[np.ndarray, "3"]) -> N
     return moved
 
 
-def move_start(scene: NamedScene, pose: Float[np.ndarray, "3"]) -> NamedScene:
+def move_start(scene: NamedScene, pose: Float[np.ndarray, "3"], rule: PickConfig = PickConfig()) -> NamedScene:
     """The robot starts at (x, y, heading) in W.
 
     Raises:
         PlacementError: its base touches the table or the margin about it there.
     """
     x, y = np.clip(pose[:2], -_FARTHEST_M, _FARTHEST_M)
-    start, rule = np.array([x, y, pose[2]], np.float32), PickConfig()
+    start = np.array([x, y, pose[2]], np.float32)
     robot = load_robot(scene.robot)
     if _base_collides(robot, start, scene.arrays.table, rule.base_clearance_m, rule.touching_m):
         raise PlacementError(f"the robot can't start less than {rule.base_clearance_m:g} m from the table")

@@ -3,10 +3,9 @@
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 from basenet_jax.viewer import planned
-from basenet_jax.viewer.planned import Planned, Refused
+from basenet_jax.viewer.planned import Choices, Planned, Refused
 from basenet_jax.viewer.worker import Worker
 from basenet_jax.world.scene import NamedScene
 
@@ -17,13 +16,13 @@ class PlanMaker:
     """Planners that are warmed up when they are first asked for.
 
     Args:
-        weights: of the learned ones; None for the packaged ones.
+        choices: of the command line.
         tell: called with what takes long, and with nothing when it is over.
         report: told of errors while warming up.
     """
 
-    def __init__(self, weights: Path | None, tell: Callable[[str], None], report: Callable[[Exception], None]):
-        self._weights, self._tell = weights, tell
+    def __init__(self, choices: Choices, tell: Callable[[str], None], report: Callable[[Exception], None]):
+        self._choices, self._tell = choices, tell
         self._seen: set[tuple[str, str, int]] = set()  # planners, robots and slots that were compiled for
         self._background = Worker(report)
 
@@ -33,9 +32,9 @@ class PlanMaker:
         new = variant not in self._seen
         try:
             with self._told(f"compiling {name}, once: this can take a minute" if new else f"{name} is planning"):
-                made = planned.make_plan(scene, name, self._weights)
+                made = planned.make_plan(scene, name, self._choices)
                 if new:  # again, for what planning takes without compiling
-                    made = planned.make_plan(scene, name, self._weights)
+                    made = planned.make_plan(scene, name, self._choices)
         except ValueError as error:
             return Refused(name, str(error))
         if new:
@@ -54,7 +53,7 @@ class PlanMaker:
     def _warm_up(self, name: str, scene: NamedScene) -> None:
         """Compiles, beside planning, what a planner needs once an object can't be reached."""
         with self._told(f"compiling the rest of {name}, once; planning goes on"):
-            planned.warm_up(scene, name, self._weights)
+            planned.warm_up(scene, name, self._choices)
 
     @contextmanager
     def _told(self, text: str) -> Iterator[None]:

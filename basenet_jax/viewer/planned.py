@@ -2,13 +2,16 @@
 
 import dataclasses
 import time
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 import jax
 import numpy as np
 
 from basenet_jax import api
+from basenet_jax.config import GridConfig, WorldConfig
+from basenet_jax.planners.registry import find_planner
 from basenet_jax.robot.reading import load_robot
 from basenet_jax.task.motion import Motion, plan_motion
 from basenet_jax.task.plan import Outcome, Plan
@@ -47,7 +50,18 @@ class Awaited:
 Shown = Planned | Refused | Awaited
 
 
-def make_plan(scene: NamedScene, planner: str, weights: Path | None = None) -> Planned:
+@dataclass(frozen=True)
+class Choices:
+    """Of the command line."""
+
+    planners: tuple[str, ...] = ("basenet",)  # one, or two to compare
+    options: Mapping[str, Any] = field(default_factory=dict)  # of planners; each takes those that it has
+    robot: str | None = None  # instead of the one that scenes name
+    world: WorldConfig = field(default_factory=WorldConfig)
+    grid: GridConfig = field(default_factory=GridConfig)
+
+
+def make_plan(scene: NamedScene, planner: str, choices: Choices = Choices()) -> Planned:
     """Has a scene planned; the first time for a planner, a robot, a table and a number of slots it compiles.
 
     dp and refined, which are exact, compile for every number of objects.
@@ -55,22 +69,40 @@ def make_plan(scene: NamedScene, planner: str, weights: Path | None = None) -> P
     Raises:
         ValueError: the planner can't serve the scene, or its weights can't be used.
     """
-    _, make = api.planner_for(scene, planner, weights)
+    made = planner_for(scene, planner, choices)
     arrays = jax.device_put(scene.arrays)
     begin = time.perf_counter()
-    plan = jax.block_until_ready(make(arrays, jax.random.key(0)))
-    return judge_plan(scene, plan, planner, time.perf_counter() - begin)
+    plan = jax.block_until_ready(made.planner(arrays, jax.random.key(0)))
+    return judge_plan(scene, plan, planner, time.perf_counter() - begin, world=choices.world)
 
 
-def judge_plan(scene: NamedScene, plan: Plan, maker: str, planning_s: float | None = None) -> Planned:
+def planner_for(scene: NamedScene, planner: str, choices: Choices) -> api.ScenePlanner:
+    """The planner of a name for a scene's robot and table, with those of the chosen options that it has.
+
+    Raises:
+        ValueError: there is none of that name, or its weights can't be used.
+    """
+    own = {name: value for name, value in choices.options.items() if name in find_planner(planner).option_names}
+    table, world = scene.arrays.table, choices.world
+    return api.make_planner(planner, robot=scene.robot, table=table, world=world, grid=choices.grid, **own)
+
+
+def judge_plan(
+    scene: NamedScene,
+    plan: Plan,
+    maker: str,
+    planning_s: float | None = None,
+    *,
+    world: WorldConfig = WorldConfig(),
+) -> Planned:
     """A plan with its outcome and its motion."""
-    outcome = api.execute(scene, plan)
+    outcome = api.execute(scene, plan, world=world)
     plan, outcome = jax.device_get((plan, outcome))
-    motion = plan_motion(load_robot(scene.robot), scene.arrays, plan, outcome)
+    motion = plan_motion(load_robot(scene.robot), scene.arrays, plan, outcome, world)
     return Planned(maker, scene, plan, outcome, motion, planning_s)
 
 
-def warm_up(scene: NamedScene, planner: str, weights: Path | None = None) -> None:
+def warm_up(scene: NamedScene, planner: str, choices: Choices = Choices()) -> None:
     """Compiles what a planner needs once an object can't be reached, so that no later scene has to wait for it.
 
     Raises:
@@ -79,4 +111,4 @@ def warm_up(scene: NamedScene, planner: str, weights: Path | None = None) -> Non
     grasp = np.array(scene.arrays.object_grasp)
     grasp[0, 1] += _FAR_UP_M
     arrays = dataclasses.replace(scene.arrays, object_grasp=grasp)
-    make_plan(dataclasses.replace(scene, arrays=arrays), planner, weights)
+    make_plan(dataclasses.replace(scene, arrays=arrays), planner, choices)

@@ -4,15 +4,14 @@ import time
 import traceback
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
-from pathlib import Path
 from typing import NamedTuple, Protocol
 
-from basenet_jax.planners.registry import PLANNERS
+from basenet_jax.config import WorldConfig
+from basenet_jax.planners.registry import find_planner
 from basenet_jax.viewer import asking, editing, planned, uploads
 from basenet_jax.viewer.asking import Answer
 from basenet_jax.viewer.plan_maker import PlanMaker
-from basenet_jax.viewer.planned import Awaited, Shown
+from basenet_jax.viewer.planned import Awaited, Choices, Shown
 from basenet_jax.viewer.worker import Worker
 from basenet_jax.world.scene import NamedScene
 
@@ -35,15 +34,6 @@ class Screen(Protocol):
     def show_status(self, text: str) -> None:
         """What takes long now; empty: nothing does."""
         ...
-
-
-@dataclass(frozen=True)
-class Choices:
-    """Of the command line."""
-
-    planners: tuple[str, ...] = ("basenet",)  # one, or two to compare
-    weights: Path | None = None
-    robot: str | None = None  # instead of the one that scenes name
 
 
 class Latency(NamedTuple):
@@ -74,12 +64,17 @@ class Session:
         self._asked: tuple[float, float] | None = None
         self._lock = lock
         self._worker = Worker(self._report)
-        self._maker = PlanMaker(choices.weights, self._tell_status, self._report)
+        self._maker = PlanMaker(choices, self._tell_status, self._report)
 
     @property
     def scene(self) -> NamedScene:
         """The scene as it is now."""
         return self._scene
+
+    @property
+    def world(self) -> WorldConfig:
+        """What is planned and judged by."""
+        return self._choices.world
 
     @property
     def plans(self) -> tuple[Shown, ...]:
@@ -96,7 +91,7 @@ class Session:
 
     def move_start(self, pose) -> None:
         """Has the robot start at (x, y, heading); see `editing.move_start`."""
-        self._edit(lambda scene: editing.move_start(scene, pose))
+        self._edit(lambda scene: editing.move_start(scene, pose, self._choices.world.pick))
 
     def add_object(self, kind: str) -> str:
         """Adds an object of a class and returns its name."""
@@ -120,7 +115,7 @@ class Session:
         plan = uploads.read_plan(name, content, scene)
 
         def show() -> None:
-            judged = planned.judge_plan(scene, plan, name[:40])
+            judged = planned.judge_plan(scene, plan, name[:40], world=self._choices.world)
             self._tell(lambda: self._publish((judged, *self._plans[1:])))
 
         self._worker.submit("plan", show)
@@ -131,8 +126,8 @@ class Session:
         Raises:
             ValueError: there is none of a name.
         """
-        if unknown := [name for name in planners if name not in PLANNERS]:
-            raise ValueError(f"planner: found {unknown[0]!r}, allowed are {', '.join(PLANNERS)}")
+        for name in planners:
+            find_planner(name)
         with self._lock:
             self._planners = planners
             self._worker.submit("plan", self._plan)
@@ -179,7 +174,7 @@ class Session:
     def _answer(self) -> None:
         place, scene = self._asked, self._scene
         if place is not None:
-            answer = asking.ask(scene, place)
+            answer = asking.ask(scene, place, self._choices.grid, self._choices.world.pick)
             self._tell(lambda: self._screen.show_answer(answer))
 
     def _report(self, error: Exception) -> None:

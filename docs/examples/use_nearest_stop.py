@@ -4,9 +4,9 @@ import jax
 from nearest_stop import NearestStop
 
 import basenet_jax as bn
-from basenet_jax.planners.registry import PLANNERS
+from basenet_jax.planners.registry import PLANNERS, PlannerKind
 
-PLANNERS["nearest-stop"] = NearestStop  # from here on it has a name, as all others have
+PLANNERS["nearest-stop"] = PlannerKind(NearestStop)  # from here on it has a name, as all others have
 
 scene = bn.sample_scene(jax.random.key(3), objects=4)
 for name in ("nearest-stop", "greedy-stops", "basenet"):

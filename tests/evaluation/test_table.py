@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from basenet_jax.evaluation.planning import Planners, choose_planners, plan_all
+from basenet_jax.evaluation.planning import Planners, own_options, plan_all
 from basenet_jax.evaluation.scene_sets import SceneSet, random_set
 from basenet_jax.evaluation.table import compare
 from basenet_jax.learning.progress import PlainReporter
@@ -159,10 +159,10 @@ def test_every_table_has_its_own_planner(setup, batch):
 
 
 def test_all_planners_or_those_named():
-    assert tuple(choose_planners(("all",))) == tuple(PLANNERS)
-    assert tuple(choose_planners(("dp", "basenet", "dp"))) == ("dp", "basenet")
+    assert tuple(own_options(("all",), {})) == tuple(PLANNERS)
+    assert tuple(own_options(("dp", "basenet", "dp"), {})) == ("dp", "basenet")
     with pytest.raises(ValueError, match="--planners: found 'best', allowed are all, pbg, pbg-gc"):
-        choose_planners(("dp", "best"))
+        own_options(("dp", "best"), {})
 
 
 def test_random_sets_depend_on_seed_and_number_of_objects_alone():

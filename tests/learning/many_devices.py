@@ -4,7 +4,6 @@
 two processes, 0 or 1, which use all the devices of both.
 """
 
-import dataclasses
 import json
 import sys
 from typing import Any
@@ -21,7 +20,7 @@ from basenet_jax.learning.reinforce import Reinforce, ReinforceState
 from basenet_jax.learning.sac import Sac
 from basenet_jax.learning.stop_learning import StopLearning
 from basenet_jax.planners.protocol import PlannerSetup, plan_batch
-from basenet_jax.planners.registry import make_planner
+from basenet_jax.planners.registry import make_options, make_planner
 from basenet_jax.policies.trained import load_policies
 from basenet_jax.robot.reading import load_robot
 
@@ -99,8 +98,8 @@ def without_last_bias(state: ReinforceState) -> Any:
 def plans(name: str, devices: Devices) -> list[Any]:
     """A planner's plans of some scenes."""
     scenes = sample_scenes(jax.random.key(3), count=SCENES, objects=4)
-    setup = dataclasses.replace(PlannerSetup(), devices=devices)
-    made = plan_batch(make_planner(name, setup), scenes, jax.random.key(4))
+    options = make_options(name, {"devices": devices.count})
+    made = plan_batch(make_planner(name, PlannerSetup(), options), scenes, jax.random.key(4))
     return [np.asarray(leaf, float).tolist() for leaf in jax.tree.leaves(made)]
 
 

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from basenet_jax import ablate
-from basenet_jax.learning import ablation as module
-from basenet_jax.learning.ablation import STUDIES, VARIANTS, Ablation, AblationConfig, Several, layer_of
+from basenet_jax.learning import config as module
+from basenet_jax.learning.ablation import STUDIES, VARIANTS, Ablation, Several, layer_of
+from basenet_jax.learning.config import AblationConfig
 from basenet_jax.policies.base_pose import untrained_policy
 from tests.tiny_training import tiny_preset
 

@@ -1,7 +1,5 @@
 """The learned planner, with an untrained policy: it begins as a sound rule, and every promise holds for any weights."""
 
-import dataclasses
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +9,7 @@ from basenet_jax.config import AlignedConfig
 from basenet_jax.planners import basenet
 from basenet_jax.planners.basenet import BaSeNet
 from basenet_jax.planners.exact_sequence import best_sequence
+from basenet_jax.planners.options import SampleOptions, StopsOptions
 from basenet_jax.planners.stop_problem import stop_problem
 from basenet_jax.policies.trained import untrained_stops
 from basenet_jax.task.picking import Reason
@@ -30,12 +29,12 @@ def params():
 
 @pytest.fixture(scope="module")
 def greedy(setup, params):
-    return BaSeNet(setup, params=params, aligned=SPARSE)
+    return BaSeNet(setup, StopsOptions(aligned=SPARSE), params=params)
 
 
 @pytest.fixture(scope="module")
 def sampled(setup, params):
-    return BaSeNet(dataclasses.replace(setup, samples=128), sampled=True, params=params, aligned=SPARSE)
+    return BaSeNet(setup, SampleOptions(aligned=SPARSE, samples=128), params=params)
 
 
 @pytest.fixture(scope="module")
@@ -112,7 +111,7 @@ def test_what_is_in_empty_slots_changes_nothing(greedy, random_scene, spoilt):
 
 
 def test_what_the_stops_can_not_serve_the_grid_may(setup, params, scenes):
-    planner = BaSeNet(setup, params=params, aligned=FAR)
+    planner = BaSeNet(setup, StopsOptions(aligned=FAR), params=params)
     plans = planner.plan_batch(jax.tree.map(lambda *x: jnp.stack(x), *scenes), KEY)
     missed = 0
     for index, scene in enumerate(scenes):

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from basenet_jax.config import RefinementConfig, WorldConfig
 from basenet_jax.planners import refined
+from basenet_jax.planners.options import RefinedOptions
 from basenet_jax.planners.protocol import assemble_plan
 from basenet_jax.planners.refined import Refined
 from basenet_jax.planners.refinement import alternatives, cheapest_path, reassign, refine
@@ -86,7 +87,7 @@ def few_programs():
 
 @pytest.fixture(scope="module")
 def planner(setup):
-    return Refined(setup, refinement=SMALL)
+    return Refined(setup, RefinedOptions(refinement=SMALL))
 
 
 def test_every_plan_is_at_least_as_good_as_the_one_before(planner, robot, four_objects):
@@ -130,7 +131,7 @@ def test_what_a_budget_is_spent_on_is_compiled_by_the_first_call(setup, four_obj
             yield assemble_plan(scene, np.flatnonzero(scene.mask), np.zeros((scene.mask.sum(), 3)), scene.mask * 0)
 
     monkeypatch.setattr(Refined, "improving_plans", improving_plans)
-    planner = Refined(dataclasses.replace(setup, budget_s=budget_s))
+    planner = Refined(setup, RefinedOptions(budget_s=budget_s))
     three = dataclasses.replace(four_objects, mask=np.arange(6) < 3)
     for scene in (four_objects, four_objects, three):
         planner(scene, jax.random.key(0))
@@ -138,7 +139,7 @@ def test_what_a_budget_is_spent_on_is_compiled_by_the_first_call(setup, four_obj
 
 
 def test_what_only_the_grid_can_serve_is_served(setup, four_objects, monkeypatch):
-    planner = Refined(setup, refinement=SMALL)
+    planner = Refined(setup, RefinedOptions(refinement=SMALL))
     monkeypatch.setattr(planner, "_aligned", planner._aligned[:8])  # some stops at one corner
     plan = planner(four_objects, jax.random.key(0))
     assert int(np.sum(plan.served)) == 4

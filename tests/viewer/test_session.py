@@ -53,8 +53,8 @@ def gate():
 def planners(monkeypatch, called, gate):
     """dp refuses every scene; all others park once for all objects."""
 
-    def make(name, setup):
-        del setup
+    def make(name, setup, options):
+        del setup, options
 
         def plan(scene, key):
             called.append(scene)
