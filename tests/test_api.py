@@ -11,6 +11,7 @@ import pytest
 
 import basenet_jax as bn
 from basenet_jax import api
+from basenet_jax.config import NavigationConfig, PickConfig, TableConfig
 from basenet_jax.planners import registry
 from basenet_jax.planners.options import RefinedOptions
 from tests import compiled
@@ -182,3 +183,56 @@ def test_nothing_is_left(scene, planned):
 def test_a_new_plan_that_can_not_be_made_is_refused(scene, pose, gone, message):
     with pytest.raises(ValueError, match=message):
         bn.replan(scene, pose, gone)
+
+
+def test_a_planner_is_made_once_for_many_scenes(asked, scene):
+    planner = bn.make_planner("refined", budget_s=1.5)
+    for _ in range(2):
+        assert planner(scene).object_index.tolist() == [0, 1]
+        assert bn.make_plan(scene, planner=planner).object_index.tolist() == [0, 1]
+    assert bn.make_planner("refined", budget_s=1.5) is planner
+    assert (planner.name, planner.options) == ("refined", RefinedOptions(budget_s=1.5))
+    assert len(asked) == 1
+    high = dataclasses.replace(scene.arrays, table=bn.Table(scene.arrays.table.half_size, np.float32(0.9)))
+    with pytest.raises(ValueError, match=r"0\.900 m high, allowed is the planner's of 2\.000 x 0\.800 m, 0"):
+        planner(high)
+    with pytest.raises(ValueError, match="budget_s: found beside a planner that is made"):
+        bn.make_plan(scene, planner=planner, budget_s=1.0)
+
+
+def test_an_option_of_another_planner_is_refused_with_its_own(scene):
+    with pytest.raises(ValueError, match="options of the planner dp: found samples, allowed is none"):
+        bn.make_plan(scene, planner="dp", samples=7)
+    with pytest.raises(ValueError, match="options of the planner basenet: found sample, allowed are weights, devices"):
+        bn.make_planner("basenet", sample=7)
+
+
+def test_plans_are_made_and_judged_in_the_world_that_is_asked_for(asked, scene):
+    world = bn.WorldConfig(pick=PickConfig(close_s=3.0), navigation=NavigationConfig(straight=True))
+    plan = bn.make_plan(scene, planner="dp", world=world)
+    assert asked[-1][1].world == world
+    usual, other = bn.execute(scene, plan), bn.execute(scene, plan, world=world)
+    np.testing.assert_allclose(other.pick_time, usual.pick_time + 2.0, rtol=1e-5)
+    assert float(other.navigation) < float(usual.navigation)
+    title = bn.plot_plan(scene, plan, world=world).axes[0].get_title()
+    assert f"{float(other.picking):.1f} s" in title
+
+
+def test_a_robot_may_be_given_itself(asked, scene):
+    named = bn.make_planner("dp", robot="ur10e_mobile")
+    given = bn.make_planner("dp", robot=bn.load_robot("ur10e_mobile"))
+    assert [setup.robot.name for _, setup, _ in asked] == ["ur10e_mobile"] * 2
+    assert bn.make_planner("dp", robot=bn.load_robot("ur10e_mobile")) is given is not named
+    plan = bn.make_plan(scene, planner="dp", robot="ur10e_mobile")
+    times = [bn.execute(scene, plan, robot=robot).pick_time for robot in ("ur10e_mobile", given.setup.robot)]
+    np.testing.assert_array_equal(*times)
+    assert np.any(times[0] != bn.execute(scene, plan).pick_time)
+
+
+def test_scenes_are_drawn_on_the_worlds_table():
+    world = bn.WorldConfig(table=TableConfig(length_m=1.0, height_m=0.6))
+    one = bn.sample_scene(jax.random.key(1), objects=2, world=world).arrays
+    many = bn.sample_scenes(jax.random.key(1), count=2, objects=2, world=world)
+    for each in (one.table, jax.tree.map(lambda x: x[1], many.table)):
+        np.testing.assert_allclose([*each.half_size, each.height], [0.5, 0.4, 0.6])
+    assert float(np.max(np.abs(many.object_pose[..., 0]))) <= 0.42 + 1e-6

@@ -1,5 +1,6 @@
 """The evaluate command: what it writes, what it refuses, and that it never leaves half a result."""
 
+import dataclasses
 import json
 import os
 import subprocess
@@ -10,6 +11,7 @@ import jax
 import pytest
 
 from basenet_jax import evaluate
+from basenet_jax.config import WorldConfig
 from basenet_jax.evaluation import planning, table
 from basenet_jax.evaluation.table_files import NAMES
 from basenet_jax.planners import registry
@@ -75,6 +77,19 @@ def test_random_scenes_of_several_sizes_are_evaluated(capsys, tmp_path, monkeypa
     assert planners.names == ("dp",)
     assert [(each.objects, len(each)) for each in sets] == [(3, 2), (1, 2)]
     assert (options["repeats"], options["seed"]) == (2, 4)
+
+
+def test_what_the_results_are_made_with_is_recorded(capsys, scene_dir, tmp_path):
+    arguments = ("--scene-dir", scene_dir, "--planners", "fixed", "--out", tmp_path / "out")
+    assert call(capsys, *arguments)[0] == 0
+    usual = json.loads((tmp_path / "out" / "results.json").read_text())
+    assert usual["world"] == json.loads(json.dumps(dataclasses.asdict(WorldConfig())))
+    (tmp_path / "c.yaml").write_text("world: {pick: {open_s: 0.5}}")
+    assert call(capsys, *arguments, "--config", tmp_path / "c.yaml", "--world.pick.close-s", 3)[0] == 0
+    other = json.loads((tmp_path / "out" / "results.json").read_text())
+    assert (other["world"]["pick"]["close_s"], other["world"]["pick"]["open_s"]) == (3.0, 0.5)
+    one, two = (results["results"][0]["scenes"][0]["grasping_s"] for results in (usual, other))
+    assert two == pytest.approx(one + 2 * (2.0 - 0.5), abs=1e-3)
 
 
 @pytest.mark.parametrize(

@@ -101,7 +101,7 @@ def test_long_work_shows_progress_on_stderr(call, monkeypatch):
 
 
 def test_an_interrupt_tells_what_is_there(call, monkeypatch):
-    def interrupt(key, *, objects, robot):
+    def interrupt(key, *, objects, robot, world):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(api, "sample_scene", interrupt)
@@ -112,7 +112,7 @@ def test_an_interrupt_tells_what_is_there(call, monkeypatch):
 
 
 def test_too_many_objects_for_the_table_are_told(call, monkeypatch):
-    def fail(key, *, objects, robot):
+    def fail(key, *, objects, robot, world):
         raise ValueError(f"no place for {objects}")
 
     monkeypatch.setattr(api, "sample_scene", fail)
