@@ -12,7 +12,7 @@ PACKAGE = ROOT / "basenet_jax"
 
 # From the ground up: a module may import its own line and the lines above.
 LAYERS = (
-    ("config", "settings", "struct", "atomic", "compilation", "devices", "offscreen", "weights_file"),
+    ("config", "settings", "struct", "atomic", "compilation", "devices", "offscreen", "rounds", "weights_file"),
     ("documents",),
     ("trigonometry",),
     ("geometry",),

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Bool, Float, Int
 
+from basenet_jax import rounds
 from basenet_jax.policies.grasp_sequence import GraspSequencePolicy, compact_sizes, remaining_logits
 from basenet_jax.policies.pickup import PickupStep
 
@@ -56,7 +57,12 @@ def policy_gradient(
 
             return jax.grad(weighted, has_aux=True)(params)
 
-        total = _add_chunks(gradient, total, (number > fewer) & (number <= most), max(1, episodes // _PARTS))
+        def add(index: Int[Array, " C"], total: Any, gradient: Any = gradient) -> Any:
+            more = gradient(jnp.minimum(index, number.size - 1), index < number.size)
+            return jax.tree.map(jnp.add, total, more)
+
+        at_once = max(1, episodes // _PARTS)
+        total = rounds.over_chosen((number > fewer) & (number <= most), add, total, at_once)
     return total[0], total[1] / episodes
 
 
@@ -68,18 +74,3 @@ def _log_probability(
     chosen = jnp.take_along_axis(logs, choice[:, None], axis=-1)[:, 0]
     entropy = -jnp.sum(jnp.exp(logs) * jnp.where(jnp.isfinite(logs), logs, 0.0), axis=-1)
     return jnp.sum(jnp.where(counts, weight * chosen, 0.0)), jnp.sum(entropy * counts)
-
-
-def _add_chunks(term: Any, total: Any, wanted: Bool[Array, " P"], at_once: int) -> Any:
-    """Adds `term(indices, which of these count)` over the wanted indices, so many at once."""
-    count = len(wanted)
-    (order,) = jnp.nonzero(wanted, size=count, fill_value=count)
-    order = jnp.pad(order, (0, -count % at_once), constant_values=count)
-
-    def add(state: tuple[Array, Any]) -> tuple[Array, Any]:
-        start, total = state
-        index = jax.lax.dynamic_slice(order, (start,), (at_once,))
-        more = term(jnp.minimum(index, count - 1), index < count)
-        return start + at_once, jax.tree.map(jnp.add, total, more)
-
-    return jax.lax.while_loop(lambda state: state[0] < jnp.sum(wanted), add, (jnp.array(0), total))[1]

@@ -11,7 +11,7 @@ from jax import Array
 from jax.typing import ArrayLike
 from jaxtyping import Bool, Float, Int
 
-from basenet_jax import struct
+from basenet_jax import rounds, struct
 from basenet_jax.compilation import Stored
 from basenet_jax.config import GridConfig, PickConfig, WorldConfig
 from basenet_jax.robot.kinematics import reach_sphere
@@ -131,20 +131,13 @@ def _where(
     at_once: int,
 ) -> tuple[Array, ...]:
     """Arrays like `otherwise`, computed from their flat indices where chosen, so many in a round."""
-    count = chosen.size
-    at_once = min(at_once, count)
-    (index,) = jnp.nonzero(chosen.ravel(), size=count, fill_value=count)
-    index = jnp.pad(index, (0, -count % at_once), constant_values=count)  # none, dropped when written
 
-    def fill(state: tuple[Array, tuple[Array, ...]]) -> tuple[Array, tuple[Array, ...]]:
-        start, arrays = state
-        own = jax.lax.dynamic_slice(index, (start,), (at_once,))
-        values = compute(jnp.minimum(own, count - 1))
-        filled = (array.at[own].set(value, mode="drop") for array, value in zip(arrays, values, strict=True))
-        return start + at_once, tuple(filled)
+    def fill(index: Array, arrays: tuple[Array, ...]) -> tuple[Array, ...]:
+        values = compute(jnp.minimum(index, chosen.size - 1))
+        return tuple(array.at[index].set(value, mode="drop") for array, value in zip(arrays, values, strict=True))
 
     flat = tuple(array.ravel() for array in otherwise)
-    _, filled = jax.lax.while_loop(lambda state: state[0] < jnp.sum(chosen), fill, (jnp.array(0), flat))
+    filled = rounds.over_chosen(chosen.ravel(), fill, flat, min(at_once, chosen.size))
     return tuple(array.reshape(chosen.shape) for array in filled)
 
 

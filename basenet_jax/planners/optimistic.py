@@ -14,6 +14,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Bool, Float
 
+from basenet_jax import rounds
 from basenet_jax.config import WorldConfig
 from basenet_jax.policies.stop_policy import StopGraph, StopScene, make_scene
 from basenet_jax.policies.stop_rollout import StopPlan
@@ -61,19 +62,16 @@ def settle(
     count = len(scenes.mask)
     at_once = min(at_once, count)
 
-    def improve(state: Settled) -> Settled:
-        (index,) = jnp.nonzero(~state.holds, size=at_once, fill_value=count)  # count: no scene, dropped when written
-        part, times = jax.tree.map(lambda x: x.at[index].get(mode="clip"), (scenes, state.pick_time))
-        own = stop_scenes(robot, table, graph, part, times, world)
+    def improve(index: Array, state: Settled) -> Settled:
+        own = stop_scenes(robot, table, graph, rounds.take(scenes, index, axis=0), state.pick_time, world)
         plan = choose(own)
         checked, holds = _check(robot, table, graph, own, plan, world)
-        new = Settled(checked, plan, holds)
-        return jax.tree.map(lambda all, part: all.at[index].set(part, mode="drop"), state, new)
+        return Settled(checked, plan, holds)
 
     slots = jnp.full(scenes.mask.shape, -1, jnp.int32)
     nothing = StopPlan(slots, slots, jnp.zeros(count, pick_time.dtype))
     start = Settled(pick_time, nothing, jnp.zeros(count, bool))
-    return jax.lax.while_loop(lambda state: ~jnp.all(state.holds), improve, start)
+    return rounds.until_settled(lambda state: ~state.holds, improve, start, at_once, axis=0)
 
 
 def stop_scenes(

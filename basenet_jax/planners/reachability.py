@@ -16,7 +16,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Bool, Float
 
-from basenet_jax import struct
+from basenet_jax import rounds, struct
 from basenet_jax.config import GridConfig, PickConfig
 from basenet_jax.geometry import relative
 from basenet_jax.planners.candidates import Candidates
@@ -132,18 +132,15 @@ def _sweep(
     """The first `count` layers, the others empty; `config.chunk` bins at a time keep in a CPU core's cache."""
     axis = (np.arange(shape[0]) - shape[0] // 2) * step_m
     centres = np.stack(np.meshgrid(axis, axis, _headings(shape[2]), indexing="ij"), axis=-1).reshape(-1, 3)
-    chunk = min(config.chunk, len(centres))
-    chunks = -(-len(centres) // chunk)
-    filled = np.resize(centres, (chunks * chunk, 3))  # the last chunk is filled up with the first bins
-    parts = jnp.asarray(filled.reshape(chunks, chunk, 3), heights.dtype)
+    bins = jnp.asarray(centres, heights.dtype)
 
     def layer(index: Array, layers: Array) -> Array:
         def reached(base_pose: Array) -> Array:
-            zero = jnp.zeros(chunk, heights.dtype)
+            zero = jnp.zeros(len(base_pose), heights.dtype)
             grasp = (zero, zero, zero + heights[index], zero)  # W is the tool's planar frame here
             return _solution_exists(robot, arm_solutions.Picks(components(base_pose), grasp), config)
 
-        return layers.at[index].set(jax.lax.map(reached, parts).reshape(-1)[: len(centres)].reshape(shape))
+        return layers.at[index].set(rounds.in_chunks(reached, bins, config.chunk).reshape(shape))
 
     return jax.lax.fori_loop(0, count, layer, jnp.zeros((len(heights), *shape), bool))
 

@@ -1,6 +1,5 @@
 """Inverse kinematics by damped least squares, for any serial arm, in batches."""
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -8,6 +7,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Bool, Float
 
+from basenet_jax import rounds
 from basenet_jax.robot.kinematics import (
     Frame,
     Vector,
@@ -73,19 +73,8 @@ def solve_ik(
         position, rotation, seed = part
         return _solve_chunk(robot, position, rotation, seed, iterations, position_tolerance, orientation_tolerance)
 
-    solution = _in_chunks(solve, flat)
+    solution = rounds.in_chunks(solve, flat, CHUNK)
     return jax.tree.map(lambda x: x.reshape(batch + x.shape[1:]), solution)
-
-
-def _in_chunks(solve: Callable[[list[Array]], IKSolution], problem: list[Array]) -> IKSolution:
-    """Solves up to `CHUNK` poses of a flat batch at a time; the last chunk is filled up with copies of a pose."""
-    count = len(problem[0])
-    if count <= CHUNK:
-        return solve(problem)
-    chunks = -(-count // CHUNK)
-    index = jnp.minimum(jnp.arange(chunks * CHUNK), count - 1)
-    parts = [x[index].reshape(chunks, CHUNK, *x.shape[1:]) for x in problem]
-    return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:])[:count], jax.lax.map(solve, parts))
 
 
 def _solve_chunk(

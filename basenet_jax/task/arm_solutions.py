@@ -13,6 +13,7 @@ from jax import Array
 from jax.typing import ArrayLike
 from jaxtyping import Float, Int
 
+from basenet_jax import rounds
 from basenet_jax.config import PickConfig
 from basenet_jax.robot import ur
 from basenet_jax.robot.ik import damped_least_squares, residual
@@ -122,14 +123,10 @@ def _solve_closed_form(robot: Robot, picks: Picks, config: PickConfig) -> Soluti
 
 def _solve_from_seeds(robot: Robot, picks: Picks, config: PickConfig, joints: Float[Array, "seeds dof"]) -> Solutions:
     """In rounds of few picks: every one is as many arms as there are seeds and ways to hold the gripper."""
-    (batch,), size = picks.grasp[0].shape, config.lattice_chunk
-    if batch <= size:
-        return _solve_round(robot, picks, config, joints)
-    rounds = -(-batch // size)
-    index = jnp.minimum(jnp.arange(rounds * size), batch - 1).reshape(rounds, size)
-    parts = jax.tree.map(lambda x: jnp.broadcast_to(x, (batch,))[index], picks)
-    solutions = jax.lax.map(lambda part: _solve_round(robot, part, config, joints), parts)
-    return jax.tree.map(lambda x: jnp.moveaxis(x, 0, -2).reshape(*x.shape[1:-1], -1)[..., :batch], solutions)
+    every = jax.tree.map(lambda x: jnp.broadcast_to(x, picks.grasp[0].shape), picks)
+    return rounds.in_chunks(
+        lambda part: _solve_round(robot, part, config, joints), every, config.lattice_chunk, out_axis=-1
+    )
 
 
 def _solve_round(robot: Robot, picks: Picks, config: PickConfig, joints: Float[Array, "seeds dof"]) -> Solutions:

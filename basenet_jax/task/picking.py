@@ -16,7 +16,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Bool, Float, Int
 
-from basenet_jax import struct
+from basenet_jax import rounds, struct
 from basenet_jax.config import PickConfig
 from basenet_jax.robot.ik import damped_least_squares, residual
 from basenet_jax.robot.kinematics import Vector, components
@@ -94,15 +94,13 @@ def pick(
         joints=jnp.broadcast_to(home, (robot.dof, len(arm_solutions.heights(config)), len(grasp))),
     )
 
+    def attempt(index: Array, search: _Search) -> _Search:
+        part, own_solutions = rounds.take((picks, solutions), index)
+        own_table = rounds.take(table, index, axis=0) if table.height.ndim else table
+        return _attempt(robot, part, own_solutions, own_table, config, arm_check, search)
+
     for chunk, rest in itertools.pairwise((*_chunks(len(grasp), config), 0)):
-
-        def attempt(search: _Search, chunk: int = chunk) -> _Search:
-            return _attempt(robot, picks, solutions, table, config, arm_check, search, chunk)
-
-        def goes_on(search: _Search, rest: int = rest) -> Array:
-            return jnp.sum(~search.decided) > rest
-
-        search = jax.lax.while_loop(goes_on, attempt, search)
+        search = rounds.until_settled(lambda search: ~search.decided, attempt, search, chunk, leave=rest)
     return Pick(
         feasible=(search.rule == Reason.NONE).reshape(batch),
         reason=search.rule.reshape(batch),
@@ -156,27 +154,19 @@ def _chunks(count: int, config: PickConfig) -> tuple[int, ...]:
     return (first, config.smallest_chunk) if first >= 4 * config.smallest_chunk else (first,)
 
 
-def _attempt(
-    robot, picks, solutions, table, config: PickConfig, arm_check: ArmCheck, search: _Search, chunk: int
-) -> _Search:
-    """Checks the fastest remaining solution of a chunk of undecided picks."""
-    count = search.decided.shape[0]
-    (index,) = jnp.nonzero(~search.decided, size=chunk, fill_value=count)  # count: no pick, dropped when written
-    part, own_solutions, own = jax.tree.map(lambda x: x.at[..., index].get(mode="clip"), (picks, solutions, search))
-    if table.height.ndim:
-        table = jax.tree.map(lambda x: x.at[index].get(mode="clip"), table)
-    choice = jnp.argmin(own.estimate, axis=0)
-    rule, time, joints = _check(robot, part, own_solutions, choice, table, config, arm_check)
+def _attempt(robot, picks, solutions, table, config: PickConfig, arm_check: ArmCheck, search: _Search) -> _Search:
+    """Checks the fastest remaining solution of undecided picks."""
+    choice = jnp.argmin(search.estimate, axis=0)
+    rule, time, joints = _check(robot, picks, solutions, choice, table, config, arm_check)
     feasible = rule == Reason.NONE
-    estimate = own.estimate.at[choice, jnp.arange(chunk)].set(jnp.inf)
-    found = _Search(
+    estimate = search.estimate.at[choice, jnp.arange(len(choice))].set(jnp.inf)
+    return _Search(
         estimate=estimate,
-        rule=jnp.where(feasible, rule, jnp.maximum(rule, own.rule)),
+        rule=jnp.where(feasible, rule, jnp.maximum(rule, search.rule)),
         decided=feasible | ~jnp.any(jnp.isfinite(estimate), axis=0),
         time=jnp.where(feasible, time, 0.0),
-        joints=jnp.where(feasible, joints, own.joints),
+        joints=jnp.where(feasible, joints, search.joints),
     )
-    return jax.tree.map(lambda all, new: all.at[..., index].set(new, mode="drop"), search, found)
 
 
 def _check(robot, picks, solutions, choice, table, config: PickConfig, arm_check: ArmCheck):

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Bool, Float
 
+from basenet_jax import rounds
 from basenet_jax.geometry import rectangles_overlap
 from basenet_jax.robot.kinematics import (
     Frame,
@@ -62,14 +63,11 @@ def capsules_touch(robot: Robot, base_pose: Vector, joints: Float[Array, "dof *b
     near = jnp.any(_walk(robot, base_pose, joints, size, _may_touch), axis=tuple(range(len(shape) - 1)))
     at_once = max(_COLUMNS_AT_ONCE, shape[-1] // _ROUNDS)
 
-    def check(state: tuple[Array, Array]) -> tuple[Array, Array]:
-        near, touches = state
-        (index,) = jnp.nonzero(near, size=at_once, fill_value=shape[-1])
-        base_pose, joints, size = jax.tree.map(lambda x: x.at[..., index].get(mode="clip"), columns)
-        exact = jnp.broadcast_to(_walk(robot, base_pose, joints, size, _touches), (*shape[:-1], at_once))
-        return near.at[index].set(False, mode="drop"), touches.at[..., index].set(exact, mode="drop")
+    def check(index: Array, _: tuple[Array, Array]) -> tuple[Array, Array]:
+        exact = _walk(robot, *rounds.take(columns, index), _touches)
+        return jnp.zeros(at_once, bool), jnp.broadcast_to(exact, (*shape[:-1], at_once))
 
-    return jax.lax.while_loop(lambda state: jnp.any(state[0]), check, (near, jnp.zeros(shape, bool)))[1]
+    return rounds.until_settled(lambda state: state[0], check, (near, jnp.zeros(shape, bool)), at_once)[1]
 
 
 def _walk(
