@@ -27,7 +27,7 @@ from basenet_jax.planners.dp import plan_exactly
 from basenet_jax.planners.options import RefinedOptions
 from basenet_jax.planners.protocol import PlannerSetup
 from basenet_jax.planners.refined import Refined
-from basenet_jax.task.plan import Plan, execute
+from basenet_jax.task.plan import Plan, compiled_execute
 from basenet_jax.world.scene import Scene
 
 FOLDER = Path(__file__).resolve().parent / "best_known"
@@ -96,9 +96,6 @@ def read(objects: int) -> list[Known]:
     return msgspec.json.decode(file.read_bytes(), type=list[Known]) if file.exists() else []
 
 
-_execute = jax.jit(execute)
-
-
 @functools.cache
 def _setup() -> PlannerSetup:
     return PlannerSetup()
@@ -106,7 +103,7 @@ def _setup() -> PlannerSetup:
 
 def judged(index: int, found_by: str, scene: Scene, plan: Plan) -> Known | None:
     """A plan as it is kept; None if it doesn't grasp every object."""
-    outcome = _execute(_setup().robot, scene, plan)
+    outcome = compiled_execute(_setup().robot, scene, plan)
     if int(outcome.grasped) < int(np.sum(scene.mask)):
         return None
     poses = np.asarray(plan.base_pose, float).tolist()

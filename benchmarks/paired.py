@@ -45,6 +45,6 @@ def t_interval(difference: np.ndarray) -> list[float]:
 
 def bootstrap_interval(difference: np.ndarray, *, seed: int) -> list[float]:
     """Percentiles of the means of resamples with replacement."""
-    generator = np.random.default_rng(seed)
-    means = [generator.choice(difference, len(difference)).mean() for _ in range(RESAMPLES)]
-    return np.quantile(means, [0.5 - 0.5 * CONFIDENCE, 0.5 + 0.5 * CONFIDENCE]).tolist()
+    settings = {"confidence_level": CONFIDENCE, "n_resamples": RESAMPLES, "method": "percentile", "rng": seed}
+    interval = stats.bootstrap((difference,), np.mean, **settings).confidence_interval
+    return [float(interval.low), float(interval.high)]

@@ -4,7 +4,7 @@ What `benchmarks.paper_planner` compares.
 """
 
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Literal
 
 import jax
 import jax.numpy as jnp
@@ -22,15 +22,13 @@ from basenet_jax.policies.trained import Weights, load_policies
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.navigation import navigation_time
 from basenet_jax.task.picking import pick
-from basenet_jax.task.plan import Plan, execute
+from basenet_jax.task.plan import Plan, compiled_execute
 from basenet_jax.world.scene import Scene
 
 Order = Literal["learned", "greatest reward"]
 
 # A scene to N (s), G (s) and the share grasped of its plan.
 Evaluate = Callable[[Scene], tuple[float, float, float]]
-
-_execute: Callable[..., Any] = jax.jit(execute, static_argnames="config")
 
 
 def make_schemes(setup: PlannerSetup, grid: GridConfig) -> dict[str, Evaluate]:
@@ -39,7 +37,7 @@ def make_schemes(setup: PlannerSetup, grid: GridConfig) -> dict[str, Evaluate]:
     poses = jnp.asarray(grid_poses(robot, setup.table, grid, world.pick))
 
     def judged(scene: Scene, plan: Plan) -> tuple[float, float, float]:
-        outcome = jax.device_get(_execute(robot, scene, plan, world))
+        outcome = jax.device_get(compiled_execute(robot, scene, plan, config=world))
         return float(outcome.navigation), float(outcome.picking), float(outcome.grasped / np.sum(scene.mask))
 
     def by_name(name: str) -> Evaluate:

@@ -20,7 +20,7 @@ from basenet_jax.evaluation.orders import random_scenes
 from basenet_jax.planners.protocol import PlannerSetup
 from basenet_jax.planners.registry import make_planner
 from basenet_jax.planners.timed import plan_timed
-from basenet_jax.task.plan import Plan, execute
+from basenet_jax.task.plan import Plan, compiled_execute
 from basenet_jax.world.scene import Scene
 from benchmarks.harness import QUICK_OBJECTS, Options, Report, parse
 
@@ -117,12 +117,9 @@ def _change(scene: Scene, plan: Plan, places: np.ndarray, random: np.random.Gene
     return Change(left_over, rest, moved)
 
 
-_execute = jax.jit(execute)
-
-
 def _judged(setup: PlannerSetup, scene: Scene, plan: Plan) -> tuple[float, float]:
     """Share of the remaining objects that are grasped, and N + G (s)."""
-    outcome = _execute(setup.robot, scene, plan)
+    outcome = compiled_execute(setup.robot, scene, plan)
     return int(outcome.grasped) / max(int(np.sum(scene.mask)), 1), float(outcome.execution)
 
 

@@ -25,7 +25,7 @@ from basenet_jax.planners.protocol import Planner, PlannerSetup
 from basenet_jax.planners.registry import make_planner
 from basenet_jax.planners.stop_problem import StopProblem, stop_problem
 from basenet_jax.planners.timed import plan_timed
-from basenet_jax.task.plan import Plan, execute
+from basenet_jax.task.plan import Plan, compiled_execute
 from basenet_jax.world.scene import Scene
 from benchmarks.harness import QUICK_OBJECTS, Options, Report, parse
 
@@ -124,12 +124,9 @@ def _ours(setup: PlannerSetup, planner: Planner, scenes: list[Scene], repeats: i
     return np.array(costs), [each.planning_time_s for each in timed]
 
 
-_execute = jax.jit(execute)
-
-
 def _judged(setup: PlannerSetup, scene: Scene, plan: Plan) -> float:
     """N + G (s) by the judge; no number if an object isn't grasped."""
-    outcome = _execute(setup.robot, scene, plan)
+    outcome = compiled_execute(setup.robot, scene, plan)
     return float(outcome.execution) if int(outcome.grasped) == int(np.sum(scene.mask)) else np.nan
 
 

@@ -5,7 +5,6 @@ On the same random scenes, N + G of the best plan over each set, as a ratio to t
 """
 
 import sys
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,7 +22,7 @@ from basenet_jax.planners.dp import plan_exactly
 from basenet_jax.planners.options import RefinedOptions
 from basenet_jax.planners.protocol import Planner, PlannerSetup
 from basenet_jax.planners.refined import Refined
-from basenet_jax.task.plan import Plan, execute
+from basenet_jax.task.plan import Plan, compiled_execute
 from basenet_jax.world.scene import Scene
 from benchmarks.harness import QUICK_OBJECTS, Options, Report, parse
 
@@ -102,8 +101,7 @@ def _exactly(setup: PlannerSetup, poses: Poses) -> Planner:
 
 def _costs(setup: PlannerSetup, planner: Planner, scenes: list[Scene], objects: int) -> Float[np.ndarray, " B"]:
     """N + G of each scene's plan (s); no number where it doesn't grasp every object."""
-    judge: Callable[..., Any] = jax.jit(execute)
-    outcomes = [judge(setup.robot, scene, planner(scene, jax.random.key(0))) for scene in scenes]
+    outcomes = [compiled_execute(setup.robot, scene, planner(scene, jax.random.key(0))) for scene in scenes]
     return np.array([float(each.execution) if int(each.grasped) == objects else np.nan for each in outcomes])
 
 

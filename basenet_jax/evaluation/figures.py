@@ -105,6 +105,6 @@ def ratio(scores: Scores, reference: Scores, objects: int) -> Ratio:
     ratios = scores.execution_s[both] / reference.execution_s[both]
     if count < 2:
         return Ratio(count, share, float(ratios.mean()), None)
-    draw = np.random.default_rng(0).integers(count, size=(RESAMPLES, count))
-    low, high = np.quantile(ratios[draw].mean(axis=1), [0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2])
+    settings = {"confidence_level": CONFIDENCE, "n_resamples": RESAMPLES, "method": "percentile", "rng": 0}
+    low, high = scipy.stats.bootstrap((ratios,), np.mean, **settings).confidence_interval
     return Ratio(count, share, float(ratios.mean()), (float(low), float(high)))

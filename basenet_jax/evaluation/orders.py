@@ -1,6 +1,5 @@
 """What the learned order of grasps is worth: beside the nearest object first and random order, same base poses."""
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -14,7 +13,7 @@ from basenet_jax.policies.base_pose import BasePosePolicy
 from basenet_jax.policies.grasp_sequence import GraspSequencePolicy
 from basenet_jax.policies.pickup import PickupState, as_plan, choose_learned, choose_nearest, choose_random, rollout
 from basenet_jax.robot.model import Robot
-from basenet_jax.task.plan import Outcome, Plan, execute
+from basenet_jax.task.plan import Plan, compiled_execute
 from basenet_jax.world.generate import draw_scene
 from basenet_jax.world.scene import Scene, Table
 
@@ -96,7 +95,7 @@ def judge_planner(
 
 def judge(robot: Robot, scenes: Scene, plans: Plan, world: WorldConfig = WorldConfig()) -> OrderResult:
     """What a batch of plans comes to."""
-    outcome = jax.device_get(_execute(robot, scenes, plans, world))
+    outcome = jax.device_get(compiled_execute(robot, scenes, plans, config=world))
     figures = (
         outcome.grasped / np.sum(scenes.mask, axis=-1),
         outcome.navigation,
@@ -119,9 +118,6 @@ def random_scenes(
     if not bool(jnp.all(placed)):
         raise ValueError(f"objects: found {objects}, which don't fit on the table; allowed are fewer")
     return scenes
-
-
-_execute: Callable[..., Outcome] = jax.jit(execute, static_argnames="config")
 
 
 @jax.jit(static_argnames=("slots", "config"))

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -17,7 +16,7 @@ from basenet_jax.learning.progress import Reporter
 from basenet_jax.planners.protocol import PlanningError
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.picking import Reason
-from basenet_jax.task.plan import Outcome, Plan, execute
+from basenet_jax.task.plan import Outcome, compiled_execute
 from basenet_jax.world.scene import Scene
 
 REFERENCE = "dp"  # of the ratios
@@ -118,7 +117,7 @@ def judge(robot: Robot, scenes: Scene, planned: dict[str, Planned], world: World
     """
     plans = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *(each.plans for each in planned.values()))
     scenes = jax.tree.map(lambda x: jnp.concatenate([x] * len(planned)), scenes)
-    outcomes: Outcome = jax.device_get(_execute(robot, scenes, plans, world))
+    outcomes: Outcome = jax.device_get(compiled_execute(robot, scenes, plans, config=world))
     broken = replay(robot, scenes, plans, outcomes, world)
     outcomes = confirmed(outcomes, broken)
     scores = {}
@@ -126,11 +125,6 @@ def judge(robot: Robot, scenes: Scene, planned: dict[str, Planned], world: World
         part = slice(index * len(each.planning_s), (index + 1) * len(each.planning_s))
         scores[name] = _scores(each, jax.tree.map(lambda x, part=part: x[part], outcomes), broken[part])
     return scores
-
-
-@partial(jax.jit, static_argnames="world")
-def _execute(robot: Robot, scenes: Scene, plans: Plan, world: WorldConfig) -> Outcome:
-    return execute(robot, scenes, plans, world)
 
 
 def _scores(planned: Planned, outcomes: Outcome, broken: Int[np.ndarray, "B M"]) -> Scores:

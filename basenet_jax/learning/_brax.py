@@ -1,12 +1,15 @@
 """What the learners use of Brax, imported without its chatter.
 
-Importing Brax imports MJX, which reports on stdout that the optional package warp is missing.
+Importing Brax imports MJX, which reports on stdout that the optional package warp is missing, and JAXopt, which warns
+that nobody maintains it: no part of Brax that is used here uses it.
 """
 
 import contextlib
 import io
+import warnings
 
-with contextlib.redirect_stdout(io.StringIO()):
+with contextlib.redirect_stdout(io.StringIO()), warnings.catch_warnings():
+    warnings.filterwarnings("ignore", "JAXopt is no longer maintained", DeprecationWarning)
     from brax.envs.base import Env, State
     from brax.training import gradients, replay_buffers
     from brax.training.acme import running_statistics, specs

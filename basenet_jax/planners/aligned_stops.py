@@ -5,16 +5,13 @@ stop that just clears the table reaches farther, and stops on one line are drive
 trapezoidal profile is dear even when small. A few hundred such stops hold better plans than the whole grid.
 """
 
-import jax
 import numpy as np
 from jaxtyping import Float
 
 from basenet_jax.config import AlignedConfig, PickConfig
 from basenet_jax.robot.model import Robot
-from basenet_jax.world.clearance import base_collides
+from basenet_jax.world.clearance import compiled_base_collides
 from basenet_jax.world.scene import Table
-
-_collides = jax.jit(base_collides)  # one program instead of thirty small ones
 
 
 def aligned_poses(
@@ -30,7 +27,8 @@ def aligned_poses(
     """
     poses = [_round_the_table(robot, table, quarters * np.pi / 2, config, pick) for quarters in (-1, 0, 1, 2)]
     poses = np.concatenate(poses).astype(np.float32)
-    return poses[~np.asarray(_collides(robot, poses, table, pick.base_clearance_m, pick.touching_m))]
+    collides = compiled_base_collides(robot, poses, table, pick.base_clearance_m, pick.touching_m)
+    return poses[~np.asarray(collides)]
 
 
 def _round_the_table(

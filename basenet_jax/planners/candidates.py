@@ -18,14 +18,11 @@ from basenet_jax.robot.kinematics import reach_sphere
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.picking import Reason, estimate_pick_time, pick
 from basenet_jax.trigonometry import sin_cos
-from basenet_jax.world.clearance import base_collides
+from basenet_jax.world.clearance import compiled_base_collides
 from basenet_jax.world.scene import Scene, Table
 
 PAIRS_AT_ONCE = 9_216  # of pose and object, checked in one round: all that are near in most scenes of ten objects
 REACH_MARGIN = 0.005  # m: covers a converged solution's position error and rounding
-
-
-_collides = jax.jit(base_collides)
 
 
 @struct.dataclass
@@ -47,7 +44,7 @@ def grid_poses(
     turn = np.arange(grid.turns)
     heading = np.where(turn > grid.turns // 2, turn - grid.turns, turn) * (2 * np.pi / grid.turns)
     poses = np.stack(np.meshgrid(x, y, heading, indexing="ij"), axis=-1).reshape(-1, 3).astype(np.float32)
-    collides = _collides(robot, poses, table, config.base_clearance_m, config.touching_m)
+    collides = compiled_base_collides(robot, poses, table, config.base_clearance_m, config.touching_m)
     return poses[~np.asarray(collides)]
 
 

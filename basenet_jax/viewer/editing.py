@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from basenet_jax.config import PickConfig, SceneConfig
 from basenet_jax.robot.reading import load_robot
-from basenet_jax.world.clearance import base_collides
+from basenet_jax.world.clearance import compiled_base_collides
 from basenet_jax.world.generate import footprint_radius
 from basenet_jax.world.scene import MAX_OBJECTS, OBJECT_CLASSES, NamedScene, Scene
 from basenet_jax.world.scene_checks import OVERLAP_TOLERANCE_M
@@ -24,7 +24,7 @@ _FARTHEST_M = 10.0  # from the table's centre along either axis, where the robot
 # Leaves of a scene with one row for each object.
 _BY_OBJECT = ("object_pose", "object_size", "object_grasp", "object_class", "mask")
 
-_radius, _base_collides = jax.jit(footprint_radius), jax.jit(base_collides)
+_radius = jax.jit(footprint_radius)
 
 
 class PlacementError(ValueError):
@@ -74,7 +74,7 @@ def move_start(scene: NamedScene, pose: Float[np.ndarray, "3"], rule: PickConfig
     x, y = np.clip(pose[:2], -_FARTHEST_M, _FARTHEST_M)
     start = np.array([x, y, pose[2]], np.float32)
     robot = load_robot(scene.robot)
-    if _base_collides(robot, start, scene.arrays.table, rule.base_clearance_m, rule.touching_m):
+    if compiled_base_collides(robot, start, scene.arrays.table, rule.base_clearance_m, rule.touching_m):
         raise PlacementError(f"the robot can't start less than {rule.base_clearance_m:g} m from the table")
     return _with(scene, robot_start=start)
 

@@ -40,6 +40,10 @@ def base_collides(
     return rectangles_overlap(base_pose, robot.footprint_half_size, table.half_size + clearance, touching)
 
 
+# For callers that aren't compiled: one program instead of thirty small ones.
+compiled_base_collides = jax.jit(base_collides)
+
+
 def arm_collides(
     robot: Robot, base_pose: Float[Array, "*batch 3"], joints: Float[Array, "*batch dof"], table: Table
 ) -> Bool[Array, "*batch"]:
@@ -64,7 +68,8 @@ def capsules_touch(robot: Robot, base_pose: Vector, joints: Float[Array, "dof *b
     at_once = max(_COLUMNS_AT_ONCE, shape[-1] // _ROUNDS)
 
     def check(index: Array, _: tuple[Array, Array]) -> tuple[Array, Array]:
-        exact = _walk(robot, *rounds.take(columns, index), _touches)
+        base_pose, joints, size = rounds.take(columns, index)
+        exact = _walk(robot, base_pose, joints, size, _touches)
         return jnp.zeros(at_once, bool), jnp.broadcast_to(exact, (*shape[:-1], at_once))
 
     return rounds.until_settled(lambda state: state[0], check, (near, jnp.zeros(shape, bool)), at_once)[1]

@@ -8,14 +8,14 @@ from basenet_jax.config import PickConfig
 from basenet_jax.documents.fields import describe, field_error
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.reading import DEFAULT_ROBOT, load_robot, packaged_robots
-from basenet_jax.world.clearance import base_collides
+from basenet_jax.world.clearance import compiled_base_collides
 from basenet_jax.world.generate import footprint_radius
 from basenet_jax.world.scene import Table
 from basenet_jax.world.scene_fields import CLASSES, ObjectFields, RobotFields, SceneFields, make_table, size_of
 
 OVERLAP_TOLERANCE_M = 1e-3
 _SIZE_AND_GRASP = "are size and grasp, both and without class"
-_base_collides, _footprint_radius = jax.jit(base_collides), jax.jit(footprint_radius)
+_footprint_radius = jax.jit(footprint_radius)
 
 
 def check_scene(scene: SceneFields, robot: str | None = None) -> str:
@@ -94,6 +94,6 @@ def _choose_robot(fields: RobotFields, robot: str | None) -> str:
 def _check_start(robot: Robot, fields: RobotFields, table: Table) -> None:
     rule = PickConfig()
     start = np.array(fields.start, np.float32)
-    if _base_collides(robot, start, table, rule.base_clearance_m, rule.touching_m):
+    if compiled_base_collides(robot, start, table, rule.base_clearance_m, rule.touching_m):
         found = f"{list(fields.start)}, where the base of {robot.name} touches the table or its margin"
         raise field_error("robot.start", found, f"are poses more than {rule.base_clearance_m} m clear of the table")
