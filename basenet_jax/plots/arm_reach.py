@@ -16,25 +16,20 @@ _STEP_M = 0.01
 _FARTHEST_M = 2.5
 
 
-def arm_reach(robot: Robot, height: float, config: PickConfig = PickConfig()) -> tuple[float, float]:
+def arm_reach(robot: Robot, height: float, config: PickConfig = PickConfig()) -> tuple[float, float] | None:
     """Least and greatest horizontal distance (m) between arm mount and a top-down grasp that inverse kinematics serves.
 
-    Distances in steps of a centimetre, straight ahead of the mount; the arm turns about its mount, so other directions
+    None where it serves none at that height, which may be below the arm's lowest reach or above its highest. Distances in steps of a centimetre, straight ahead of the mount; the arm turns about its mount, so other directions
     are alike but for joint limits.
 
     Args:
         robot: the robot.
         height: of tool0 above the floor at the grasp (m).
         config: of the pre-grasp, which is to be reached too.
-
-    Raises:
-        ValueError: no distance is reached.
     """
     distance = np.arange(_STEP_M, _FARTHEST_M, _STEP_M)
     reached = distance[np.asarray(_reached(robot, distance, height, config))]
-    if not len(reached):
-        raise ValueError(f"height: found {height:.3f} m, at which {robot.name} reaches no grasp")
-    return float(reached.min()), float(reached.max())
+    return (float(reached.min()), float(reached.max())) if len(reached) else None
 
 
 @partial(jax.jit, static_argnames="config")

@@ -95,12 +95,16 @@ def _mount(robot: Robot, pose: ArrayLike) -> np.ndarray:
 
 
 def _draw_reach(axes: Axes, robot: Robot, scene: Scene, plan: Plan, outcome: Outcome, table: Polygon) -> None:
-    """From each stop, the part of the table in reach at the lowest grasp's height; overlaps are darker."""
-    stops = stops_of(plan, outcome)
-    if not stops:
+    """From each stop, the part of the table in reach at the lowest height that is grasped; overlaps are darker.
+
+    What isn't grasped doesn't count: it may be lower than the arm reaches anywhere.
+    """
+    heights = np.asarray(scene.grasps)[plan.object_index[outcome.feasible], 2]
+    reach = arm_reach(robot, float(np.min(heights))) if len(heights) else None
+    if reach is None:
         return
-    _, farthest = arm_reach(robot, float(np.min(np.asarray(scene.grasps)[np.asarray(scene.mask), 2])))
-    for pose in stops:
+    _, farthest = reach
+    for pose in stops_of(plan, outcome):
         x, y = _mount(robot, pose)
         disc = Circle((x, y), farthest, facecolor=REACH, alpha=_REACH_ALPHA, edgecolor="none", zorder=1.5)
         axes.add_artist(disc)

@@ -69,7 +69,9 @@ def test_the_reach_is_drawn_round_each_stop_and_only_on_the_table(robot, scene):
 
 def test_the_reach_is_where_inverse_kinematics_ends(robot, table):
     height = 1.1
-    nearest, farthest = arm_reach(robot, height)
+    reach = arm_reach(robot, height)
+    assert reach is not None
+    nearest, farthest = reach
     assert nearest < 0.3
     assert 0.7 < farthest < 1.0
     x, y = robot.mount_position[:2] + np.array([0.0, 3.0])  # far from the table, so that only the arm decides
@@ -78,9 +80,23 @@ def test_the_reach_is_where_inverse_kinematics_ends(robot, table):
     np.testing.assert_array_equal(picks.reason, [Reason.NONE, Reason.OUT_OF_REACH])
 
 
-def test_a_height_out_of_reach_is_said(robot):
-    with pytest.raises(ValueError, match=r"found 3\.000 m, at which ur5e_mobile reaches no grasp"):
-        arm_reach(robot, 3.0)
+@pytest.mark.parametrize("height", [3.0, -0.79])
+def test_no_reach_at_a_height_is_no_error(robot, height):
+    assert arm_reach(robot, height) is None
+
+
+@pytest.mark.parametrize("grasped", [True, False])
+def test_an_object_below_the_lowest_reach_has_no_part_in_the_reach(robot, scene, grasped):
+    """A plan that leaves it on the table is a plan, and so is one that grasps nothing at all."""
+    low = dataclasses.replace(scene, object_grasp=scene.object_grasp.at[1, 1].set(-1.6))
+    plan, outcome = plan_and_outcome([grasped, grasped, False])
+    assert arm_reach(robot, float(np.min(np.asarray(low.grasps)[:3, 2]))) is None
+    discs, usual = (
+        [artist for artist in plot_plan(robot, each, plan, outcome).axes[0].get_children() if isinstance(artist, Circle)]
+        for each in (low, scene)
+    )
+    assert len(discs) == len(usual) == (2 if grasped else 0)
+    assert [disc.radius for disc in discs] == [disc.radius for disc in usual]
 
 
 @pytest.mark.parametrize(
