@@ -104,6 +104,8 @@ class SceneConfig(Settings):
     """Objects' centres stay so far from the table's edges."""
     max_footprint_radius_m: Positive = 0.09
     """An object keeps a disc of half its diagonal free, of at most this radius."""
+    overlap_tolerance_m: Annotated[float, Range(0, 0.05)] = 1e-3
+    """By how much less than drawn objects those of a file may be apart."""
     start_distance_m: tuple[Positive, Annotated[float, Range(0, 100, above=True)]] = (2.5, 3.0)
     """Of the robot's start from the table's centre, least and most (paper)."""
     tries: Count = 1024

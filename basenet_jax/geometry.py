@@ -36,13 +36,11 @@ def relative(frame: Float[Array, "*batch 3"], pose: Float[Array, "*batch 3"]) ->
 
 def rectangles_overlap(
     pose: Float[Array, "*batch 3"],
-    half_size: Float[Array, "2"],
+    half_size: Float[Array, "*batch 2"],
     other_half_size: Float[Array, "*batch 2"],
     touching: float,
 ) -> Bool[Array, "*batch"]:
     """Whether a rectangle at a pose overlaps another one, aligned with the axes about the origin.
-
-    By the separating-axis theorem: disjoint exactly if one of the four edge normals separates them.
 
     Args:
         pose: of the first rectangle's centre, in the frame of the second.
@@ -50,9 +48,25 @@ def rectangles_overlap(
         other_half_size: half the second rectangle's sides (m).
         touching: a clearance up to this (m) counts as overlap.
     """
+    return rectangle_gap(pose, half_size, other_half_size) <= touching
+
+
+def rectangle_gap(
+    pose: Float[Array, "*batch 3"], half_size: Float[Array, "*batch 2"], other_half_size: Float[Array, "*batch 2"]
+) -> Float[Array, "*batch"]:
+    """By how much (m) some direction separates two rectangles; negative: they overlap by so much in every direction.
+
+    By the separating-axis theorem: disjoint exactly if one of the four edge normals separates them. Between two corners
+    the distance is greater than this.
+
+    Args:
+        pose: as for `rectangles_overlap`.
+        half_size: likewise.
+        other_half_size: likewise.
+    """
     sine, cosine = sin_cos(pose[..., 2])
     x, y = pose[..., 0], pose[..., 1]
-    length, width = half_size[0], half_size[1]
+    length, width = half_size[..., 0], half_size[..., 1]
     other_length, other_width = other_half_size[..., 0], other_half_size[..., 1]
     sine_size, cosine_size = jnp.abs(sine), jnp.abs(cosine)
     gaps = (
@@ -61,5 +75,4 @@ def rectangles_overlap(
         jnp.abs(cosine * x + sine * y) - length - other_length * cosine_size - other_width * sine_size,
         jnp.abs(cosine * y - sine * x) - width - other_length * sine_size - other_width * cosine_size,
     )
-    largest = jnp.maximum(jnp.maximum(gaps[0], gaps[1]), jnp.maximum(gaps[2], gaps[3]))
-    return largest <= touching
+    return jnp.maximum(jnp.maximum(gaps[0], gaps[1]), jnp.maximum(gaps[2], gaps[3]))

@@ -19,8 +19,9 @@ _FARTHEST_M = 2.5
 def arm_reach(robot: Robot, height: float, config: PickConfig = PickConfig()) -> tuple[float, float] | None:
     """Least and greatest horizontal distance (m) between arm mount and a top-down grasp that inverse kinematics serves.
 
-    None where it serves none at that height, which may be below the arm's lowest reach or above its highest. Distances in steps of a centimetre, straight ahead of the mount; the arm turns about its mount, so other directions
-    are alike but for joint limits.
+    None where it serves none at that height, which may be below the arm's lowest reach or above its highest. Distances
+    are in steps of a centimetre, straight ahead of the mount; the arm turns about its mount, so other directions are
+    alike but for joint limits.
 
     Args:
         robot: the robot.

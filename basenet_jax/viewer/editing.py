@@ -5,6 +5,7 @@ Scenes are kept on the host, padded to a fixed number of slots, so that programs
 
 import dataclasses
 import itertools
+from collections.abc import Sequence
 
 import jax
 import numpy as np
@@ -13,9 +14,8 @@ from jaxtyping import Float
 from basenet_jax.config import PickConfig, SceneConfig
 from basenet_jax.robot.reading import load_robot
 from basenet_jax.world.clearance import compiled_base_collides
-from basenet_jax.world.generate import footprint_radius
 from basenet_jax.world.scene import MAX_OBJECTS, OBJECT_CLASSES, NamedScene, Scene
-from basenet_jax.world.scene_checks import OVERLAP_TOLERANCE_M
+from basenet_jax.world.spacing import Footprints, gaps
 
 FEW_OBJECTS = 16  # slots of scenes with up to so many objects; larger ones have room for all that are allowed
 _RASTER_M = 0.05  # of the places that are tried for a new object
@@ -23,8 +23,6 @@ _FARTHEST_M = 10.0  # from the table's centre along either axis, where the robot
 
 # Leaves of a scene with one row for each object.
 _BY_OBJECT = ("object_pose", "object_size", "object_grasp", "object_class", "mask")
-
-_radius = jax.jit(footprint_radius)
 
 
 class PlacementError(ValueError):
@@ -58,9 +56,10 @@ def move_object(scene: NamedScene, name: str, pose: Float[np.ndarray, "3"]) -> N
     poses = np.array(scene.arrays.object_pose)
     poses[slot] = [*np.clip(pose[:2], -half, half), pose[2]]
     moved = _with(scene, object_pose=poses)
-    gaps = _gaps(moved, slot)
-    nearest = int(np.argmin(gaps))
-    if gaps[nearest] < -OVERLAP_TOLERANCE_M:
+    gap = gaps(_footprints(moved, [slot]), _footprints(moved))[0]
+    gap[slot] = np.inf  # from itself
+    nearest = int(np.argmin(gap[: len(scene.names)]))
+    if gap[nearest] < 0:
         raise PlacementError(f"{name} can't stand there, {scene.names[nearest]} does")
     return moved
 
@@ -117,27 +116,24 @@ def _with(scene: NamedScene, **leaves: np.ndarray) -> NamedScene:
     return dataclasses.replace(scene, arrays=dataclasses.replace(scene.arrays, **leaves))
 
 
-def _gaps(scene: NamedScene, slot: int) -> Float[np.ndarray, " N"]:
-    """How far (m) each object's footprint is from that of the one in a slot; infinite for itself."""
-    count = len(scene.names)
-    place = np.asarray(scene.arrays.object_pose)[:count, :2]
-    radius = np.asarray(_radius(scene.arrays.object_size))[:count]
-    gaps = np.linalg.norm(place - place[slot], axis=-1) - radius - radius[slot]
-    gaps[slot] = np.inf
-    return gaps
+def _footprints(scene: NamedScene, slots: Sequence[int] | slice = slice(None)) -> Footprints:
+    """What the objects of some slots cover; of all, empty ones too, by default: the same shapes for few or many."""
+    arrays = scene.arrays
+    leaves = (arrays.object_pose, arrays.object_size, np.asarray(arrays.object_class) < 0)
+    return Footprints(*(np.asarray(leaf)[slots] for leaf in leaves))
 
 
 def _at_freest_place(scene: NamedScene, slot: int) -> NamedScene:
     """The scene with the last object moved to where on a raster it is farthest from the others."""
     half = np.maximum(np.asarray(scene.arrays.table.half_size) - SceneConfig().edge_margin_m, 0.0)
     sides = [np.arange(-(limit // _RASTER_M), limit // _RASTER_M + 1) * _RASTER_M for limit in half]
-    places = np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 1, 2)
-    radius = np.asarray(_radius(scene.arrays.object_size))
-    others = np.asarray(scene.arrays.object_pose)[:slot, :2]
-    gap = np.min(np.linalg.norm(places - others, axis=-1) - radius[:slot], axis=1) - radius[slot]
+    places = np.stack([*np.meshgrid(*sides), np.zeros((len(sides[1]), len(sides[0])))], axis=-1).reshape(-1, 3)
+    own = _footprints(scene, [slot])
+    anywhere = Footprints(places, np.repeat(own.size, len(places), axis=0), np.repeat(own.own_size, len(places)))
+    gap = np.min(gaps(anywhere, _footprints(scene))[:, :slot], axis=1)
     best = int(np.argmax(gap))
-    if gap[best] < -OVERLAP_TOLERANCE_M:
+    if gap[best] < 0:
         raise PlacementError(f"there is no room left on the table for {scene.names[slot]}")
     poses = np.array(scene.arrays.object_pose)
-    poses[slot] = (*places[best, 0], 0.0)
+    poses[slot] = places[best]
     return _with(scene, object_pose=poses)

@@ -1,6 +1,5 @@
 """What a scene must be beyond having the right fields."""
 
-import jax
 import numpy as np
 from msgspec import UNSET, UnsetType
 
@@ -9,13 +8,11 @@ from basenet_jax.documents.fields import describe, field_error
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.reading import DEFAULT_ROBOT, load_robot, packaged_robots
 from basenet_jax.world.clearance import compiled_base_collides
-from basenet_jax.world.generate import footprint_radius
 from basenet_jax.world.scene import Table
 from basenet_jax.world.scene_fields import CLASSES, ObjectFields, RobotFields, SceneFields, make_table, size_of
+from basenet_jax.world.spacing import Footprints, gaps, needed_distance
 
-OVERLAP_TOLERANCE_M = 1e-3
 _SIZE_AND_GRASP = "are size and grasp, both and without class"
-_footprint_radius = jax.jit(footprint_radius)
 
 
 def check_scene(scene: SceneFields, robot: str | None = None) -> str:
@@ -70,13 +67,20 @@ def _check_kind(item: ObjectFields, path: str) -> None:
 
 
 def _check_apart(objects: list[ObjectFields]) -> None:
-    position = np.array([item.pose[:2] for item in objects])
-    radius = np.asarray(_footprint_radius(np.array([size_of(item) for item in objects], np.float32)), float)
-    distance = np.linalg.norm(position[:, None] - position[None], axis=-1)
-    needed = radius[:, None] + radius[None] - OVERLAP_TOLERANCE_M
-    for second, first in np.argwhere(np.tril(distance < needed, k=-1))[:1]:
-        found = f"{distance[second, first]:.4f} m to the centre of objects[{first}] ({describe(objects[first].name)})"
-        raise field_error(f"objects[{second}].pose", found, f"are {needed[second, first]:.4f} m and more")
+    pose = np.array([item.pose for item in objects])
+    size = np.array([size_of(item) for item in objects])
+    footprints = Footprints(pose, size, np.array([item.class_ is UNSET for item in objects]))
+    for second, first in np.argwhere(np.tril(gaps(footprints, footprints) < 0, k=-1))[:1]:
+        distance = np.linalg.norm(pose[second, :2] - pose[first, :2])
+        needed = needed_distance(footprints, footprints)[second, first]
+        other = f"objects[{first}] ({describe(objects[first].name)})"
+        found, allowed = f"{distance:.4f} m to the centre of {other}", f"are {needed:.4f} m and more"
+        if distance >= needed:
+            found, allowed = (
+                f"{pose[second].tolist()}, where its rectangle overlaps that of {other}",
+                "are poses clear of it",
+            )
+        raise field_error(f"objects[{second}].pose", found, allowed)
 
 
 def _choose_robot(fields: RobotFields, robot: str | None) -> str:

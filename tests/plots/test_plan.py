@@ -92,7 +92,11 @@ def test_an_object_below_the_lowest_reach_has_no_part_in_the_reach(robot, scene,
     plan, outcome = plan_and_outcome([grasped, grasped, False])
     assert arm_reach(robot, float(np.min(np.asarray(low.grasps)[:3, 2]))) is None
     discs, usual = (
-        [artist for artist in plot_plan(robot, each, plan, outcome).axes[0].get_children() if isinstance(artist, Circle)]
+        [
+            artist
+            for artist in plot_plan(robot, each, plan, outcome).axes[0].get_children()
+            if isinstance(artist, Circle)
+        ]
         for each in (low, scene)
     )
     assert len(discs) == len(usual) == (2 if grasped else 0)

@@ -1,5 +1,7 @@
 """Edited scenes stay such that files can hold them, and anything else is refused with the reason."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -31,6 +33,21 @@ def test_an_object_that_is_put_beside_the_table_stops_at_its_edge(scene):
 def test_objects_dont_stand_in_one_another(scene):
     with pytest.raises(PlacementError, match="mug_1 can't stand there, mug_2 does"):
         editing.move_object(scene, "mug_1", np.array([0.41, -0.25, 0.0]))
+
+
+def test_an_object_of_its_own_size_needs_room_for_all_of_it(scene):
+    """A plate of 0.6 m: its centre may come within 0.15 m of a mug's by the rule for random objects."""
+    size, kind = np.array(scene.arrays.object_size), np.array(scene.arrays.object_class)
+    size[0], kind[0] = (0.6, 0.6, 0.05), -1
+    wide = dataclasses.replace(scene.arrays, object_size=size, object_class=kind)
+    plate = editing.move_object(dataclasses.replace(scene, arrays=wide), "mug_1", np.array([-0.6, 0.1, 0.0]))
+    with pytest.raises(PlacementError, match="mug_1 can't stand there, mug_2 does"):
+        editing.move_object(plate, "mug_1", np.array([0.1, -0.1, 0.0]))
+    with pytest.raises(PlacementError, match="mug_2 can't stand there, mug_1 does"):
+        editing.move_object(plate, "mug_2", np.array([-0.35, 0.35, 0.0]))
+    grown = editing.add_object(plate, "bowl")
+    away = np.abs(grown.arrays.object_pose[2, :2] - plate.arrays.object_pose[0, :2])
+    assert np.max(away) > 0.3 + 0.07
 
 
 def test_the_robot_starts_where_it_is_put_but_not_at_the_table(scene):

@@ -110,6 +110,11 @@ BAD = [
         "[0.31, -0.14,",
         "objects[1].pose: found 0.0800 m to the centre of objects[0] ('mug_1'), allowed",
     ),
+    (
+        "[0.05, 0.05,",
+        "[0.5, 0.5,",
+        "objects[1].pose: found [0.1, -0.2, 1.1], where its rectangle overlaps that of objects[0] ('mug_1'), allowed",
+    ),
     ("part_7", "mug_1", "objects[1].name: found 'mug_1', the name of objects[0] too, allowed is a name of its own"),
     ("mug_1", "12", "objects[0].name: found 12, allowed is a text"),
     ("mug_1", "' a'", "objects[0].name: found ' a', allowed are 1 to 64 printable characters"),
