@@ -5,9 +5,14 @@ import re
 import runpy
 from pathlib import Path
 
+import jax
+import numpy as np
 import pytest
 
 import basenet_jax as bn
+from basenet_jax.config import GridConfig, PickConfig, WorldConfig
+from basenet_jax.planners.protocol import PlannerSetup
+from basenet_jax.task.picking import Reason
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -28,6 +33,21 @@ def test_the_example_planner_plans(monkeypatch, capsys):
     times = [float(line.split()[-2]) for line in lines]
     assert all("4 of 4 grasped" in line for line in lines)
     assert times[2] < times[0], "the learned planner is better than the nearest stop"
+
+
+def test_the_example_planner_ends_where_no_drive_is_possible_and_plans_for_the_world_it_is_given(monkeypatch):
+    """Infinite drives once made it go on for ever; objects that no drive leads to are unreachable."""
+    monkeypatch.syspath_prepend(str(DOCS / "examples"))
+    example = runpy.run_path(str(DOCS / "examples" / "nearest_stop.py"))
+    grid = GridConfig(step_m=0.2, turns=4)
+    scene = bn.sample_scene(jax.random.key(3), objects=4).arrays
+    planner = example["NearestStop"](PlannerSetup(grid=grid))
+    monkeypatch.setattr(planner, "drive", lambda robot, start, goal, table, config: np.full(len(goal), np.inf))
+    plan = planner(scene, jax.random.key(0))
+    assert not np.any(plan.served)
+    assert np.asarray(plan.reason).tolist() == [Reason.UNREACHABLE] * 4
+    wide = PlannerSetup(grid=grid, world=WorldConfig(pick=PickConfig(base_clearance_m=0.35)))
+    assert len(example["NearestStop"](wide).stops) < len(planner.stops)
 
 
 def test_the_example_is_as_short_as_the_page_says():
