@@ -96,7 +96,9 @@ class Refined:
         return check_candidates(self._setup.robot, scene, poses, world=self._setup.world, pairs_at_once=PAIRS_AT_ONCE)
 
     def improve(self, scene: Scene, plan: Plan, key: Array) -> Plan:
-        """A plan with its stops moved and every object given to its best one; no worse but for rounding.
+        """A plan with its stops moved and every object given to its best one, if that is no worse; but for rounding.
+
+        Drives break the triangle inequality: a stop that is left without objects may have been on the shorter way.
 
         Args:
             scene: unbatched.
@@ -106,8 +108,10 @@ class Refined:
         if not np.any(plan.served):
             return plan
         setup, config = self._setup, self._refinement
-        route = _refine(setup.robot, scene, as_route(plan), key, config, setup.world)
-        return as_plan(scene, route, reason_by_slot(plan))
+        routes = _refine(setup.robot, scene, as_route(plan), key, config, setup.world)
+        moved, given = (as_plan(scene, route, reason_by_slot(plan)) for route in routes)
+        leaves_idle = len(np.setdiff1d(*(route.stop_of for route in routes))) > 0
+        return max(given, moved, key=lambda each: self._worth(scene, each)) if leaves_idle else given
 
     def _worth(self, scene: Scene, plan: Plan) -> tuple[int, float]:
         """What a plan is worth to the judge: objects grasped, then time saved."""
@@ -118,7 +122,7 @@ class Refined:
 @jax.jit(static_argnames=("config", "world"))
 def _refine(
     robot: Robot, scene: Scene, route: Route, key: Array, config: RefinementConfig, world: WorldConfig
-) -> Route:
-    """Moves the stops and gives every object to its best one."""
+) -> tuple[Route, Route]:
+    """The route with its stops moved, and that one with every object given to its best stop."""
     route, _ = refine(robot, scene, route, key, config.rounds, config, world)
-    return reassign(robot, scene, route, world)
+    return route, reassign(robot, scene, route, world)

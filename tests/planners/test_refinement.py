@@ -14,7 +14,7 @@ from basenet_jax.planners.options import RefinedOptions
 from basenet_jax.planners.protocol import assemble_plan
 from basenet_jax.planners.refined import Refined
 from basenet_jax.planners.refinement import alternatives, cheapest_path, reassign, refine
-from basenet_jax.planners.route import as_plan, as_route, reason_by_slot
+from basenet_jax.planners.route import Route, as_plan, as_route, reason_by_slot
 from tests import compiled
 
 SMALL = RefinementConfig(rounds=4, slides=3, free=2, rigid=2)
@@ -77,7 +77,7 @@ def few_programs():
 
     def refine_and_reassign(robot, scene, route, key, config, world):
         route, _ = move(robot, scene, route, key, config.rounds, config=config, world=world)
-        return assign(robot, scene, route, world=world)
+        return route, assign(robot, scene, route, world=world)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(refined, "_execute", compiled.execute)
@@ -112,6 +112,28 @@ def test_reassigned_objects_are_picked_no_slower(planner, robot, four_objects):
     route = as_route(plan)
     better = as_plan(four_objects, assign(robot, four_objects, route, world=WorldConfig()), reason_by_slot(plan))
     assert float(judge(robot, four_objects, better).picking) <= float(judge(robot, four_objects, plan).picking) + 1e-4
+
+
+@pytest.mark.parametrize("detour_s", [-30.0, 30.0])
+def test_an_idle_stop_is_left_out_only_if_that_is_no_worse(planner, four_objects, monkeypatch, detour_s):
+    """Drives break the triangle inequality: here the way takes so much longer where the second stop is left out."""
+    here, there = np.array([0.3, -0.9, 0.1], np.float32), np.array([0.6, -0.9, 0.1], np.float32)
+    none = np.zeros(4, int)
+    plan = assemble_plan(four_objects, np.arange(4), np.stack([here, here, there, there]), none)
+
+    def refine_and_reassign(robot, scene, route, *_):
+        del robot, scene
+        return route, Route(route.stops, jnp.zeros_like(route.stop_of))  # everything from the first stop
+
+    def worth(scene, plan):
+        del scene
+        stops = len(np.unique(np.asarray(plan.base_pose), axis=0))
+        return 4, -(50.0 + (detour_s if stops == 1 else 0.0))
+
+    monkeypatch.setattr(refined, "_refine", refine_and_reassign)
+    monkeypatch.setattr(planner, "_worth", worth)
+    improved = planner.improve(four_objects, plan, jax.random.key(0))
+    assert worth(four_objects, improved) == max(worth(four_objects, plan), (4, -50.0 - detour_s))
 
 
 def test_the_same_key_gives_the_same_plan(planner, four_objects):
