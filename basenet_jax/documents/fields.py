@@ -54,7 +54,7 @@ def convert(data: Any, kind: type[T], *, format_name: str, allowed: Mapping[str,
     """A document as a msgspec struct.
 
     Args:
-        data: of `read_document`.
+        data: of `read_yaml` or `read_json`.
         kind: the struct; all mappings in it are structs that forbid unknown fields, and none holds a `Literal`
             (whose errors would quote the file).
         format_name: what the document's `format` must be.

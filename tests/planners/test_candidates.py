@@ -23,7 +23,7 @@ from tests.task import pick_cases
     ],
 )
 def test_all_clear_poses_of_the_grid(robot, grid, size):
-    """World.md's grid: integer multiples, zero included, up to the half sizes; rule 1 by polygons."""
+    """The grid as it is defined: integer multiples, zero included, up to the half sizes; rule 1 by polygons."""
     expected = []
     for i in range(-30, 31):
         for j in range(-30, 31):
