@@ -67,8 +67,8 @@ def reach(robot: bn.Robot, scene: Scene, pose: np.ndarray) -> Figure:
     figure, axes = _from_above(scene)
     _base(axes, robot, pose)
     mount = to_world(pose, np.asarray(robot.mount_position)[None, :2])[0]
-    _, farthest = arm_reach(robot, float(np.min(np.asarray(scene.grasps)[:, 2])))
-    axes.add_patch(Circle(tuple(mount), farthest, fc=REACH, alpha=0.12, ec="none", zorder=1.5))
+    if within := arm_reach(robot, float(np.min(np.asarray(scene.grasps)[:, 2]))):
+        axes.add_patch(Circle(tuple(mount), within[1], fc=REACH, alpha=0.12, ec="none", zorder=1.5))
     axes.plot(*mount, "o", color=BASE, ms=5, zorder=7)
     picks = jax.jit(bn.pick)(robot, np.tile(pose, (len(scene.mask), 1)), scene.grasps, scene.table)
     for slot, feasible in enumerate(np.asarray(picks.feasible)):
