@@ -22,7 +22,7 @@ class NearestStop:
 
     def __call__(self, scene: Scene, key: Array) -> Plan:
         """Orders the objects and says where to park for each; the judge says what that costs."""
-        candidates = check_candidates(self.robot, scene, self.stops, self.world)  # every pose with every object
+        candidates = check_candidates(self.robot, scene, self.stops, world=self.world)  # every pose with every object
         serves, config = np.array(candidates.serves & scene.mask), self.world.navigation
         pose, order, poses = scene.robot_start, [], []
         while serves.any():
