@@ -79,8 +79,11 @@ def few_programs():
         route, _ = move(robot, scene, route, key, config.rounds, config=config, world=world)
         return route, assign(robot, scene, route, world=world)
 
+    def execute(robot, scene, plan, *, config):
+        return compiled.execute(robot, scene, plan, config)
+
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(refined, "_execute", compiled.execute)
+        patch.setattr(refined, "compiled_execute", execute)
         patch.setattr(refined, "_refine", refine_and_reassign)
         yield
 
