@@ -24,7 +24,7 @@ from basenet_jax.planners.aligned_stops import aligned_poses
 from basenet_jax.planners.candidates import Candidates, check_candidates, estimate_times, join
 from basenet_jax.planners.optimistic import TOLERANCE_S, settle, stop_scenes
 from basenet_jax.planners.options import SampleOptions, StopsOptions
-from basenet_jax.planners.protocol import PlannerSetup, in_parts
+from basenet_jax.planners.protocol import PlannerSetup, in_parts, no_plan
 from basenet_jax.policies.stop_policy import StopGraph, StopPolicy, StopScene, stop_graph
 from basenet_jax.policies.stop_rollout import StopPlan, cheapest, choose_best, plans_of, play, sample
 from basenet_jax.policies.trained import load_stops
@@ -97,7 +97,7 @@ class BaSeNet:
         program, made_for, graph = self._program, self._made_for, self._graph
         times = np.zeros((len(graph.poses), len(scene.mask)), np.float32)
         tasks = [
-            partial(compiled_execute.prepare, made_for.robot, scene, _no_plan(scene), config=program.world),
+            partial(compiled_execute.prepare, made_for.robot, scene, no_plan(scene), config=program.world),
             partial(_play_greedily.prepare, made_for, graph, scene, times, _nothing_known(times), program=program),
             partial(_estimate.prepare, made_for.robot, graph.poses, scene, config=program.world.pick),
         ]
@@ -271,13 +271,6 @@ def _propose(graph: StopGraph, scene: Scene, times: Float[Array, "K M"], stops: 
 def _nothing_known(times: ArrayLike) -> _Known:
     stops, slots = np.shape(times)
     return _Known(np.full(slots, stops, np.int32), np.zeros(slots, np.int32), np.zeros(slots, np.float32))
-
-
-def _no_plan(scene: Scene) -> Plan:
-    """Of as many steps as the scene has slots, on the host."""
-    index = np.full(len(scene.mask), -1, np.int32)
-    none: Any = (index, np.zeros((len(index), 3), np.float32), index >= 0, np.zeros_like(index))
-    return Plan(*none)
 
 
 @jax.jit(static_argnames="program")

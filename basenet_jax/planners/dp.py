@@ -1,5 +1,8 @@
 """Exact dynamic programming over (objects grasped, last base pose) on validated costs."""
 
+from collections.abc import Callable, Sequence
+from functools import partial
+
 import jax
 import numpy as np
 from jax import Array
@@ -7,10 +10,10 @@ from jax import Array
 from basenet_jax.config import NavigationConfig
 from basenet_jax.planners.candidates import Candidates, check_candidates
 from basenet_jax.planners.exact_sequence import best_sequence
-from basenet_jax.planners.protocol import PlannerSetup, PlanningError
+from basenet_jax.planners.protocol import PlannerSetup, PlanningError, no_plan
 from basenet_jax.planners.stop_problem import stop_problem
 from basenet_jax.robot.model import Robot
-from basenet_jax.task.plan import Plan
+from basenet_jax.task.plan import Plan, compiled_execute
 from basenet_jax.world.scene import Scene
 
 MAX_OBJECTS = 14  # 2^14 subsets x 2,500 poses: 160 MiB and some ten seconds on two cores; each more doubles both
@@ -31,6 +34,14 @@ class Dp:
         check_size(int(np.sum(scene.mask)))
         candidates = check_candidates(setup.robot, scene, setup.grid_poses, world=setup.world)
         return plan_exactly(setup.robot, scene, candidates, setup.world.navigation)
+
+    def preparations(self, scene: Scene) -> Sequence[Callable[[], object]]:
+        """See `PreparedPlanner`."""
+        robot, world = self._setup.robot, self._setup.world
+        return [
+            partial(check_candidates.prepare, robot, scene, self._setup.grid_poses, world=world),
+            partial(compiled_execute.prepare, robot, scene, no_plan(scene), config=world),
+        ]
 
 
 def check_size(objects: int) -> None:

@@ -156,3 +156,10 @@ def assemble_plan(
     reasons[len(order) : len(order) + len(rest)] = np.asarray(reason)[rest]
     served: Bool[np.ndarray, " M"] = np.arange(slots) < len(order)
     return Plan(*(jnp.asarray(x) for x in (index, poses, served, reasons)))
+
+
+def no_plan(scene: Scene) -> Plan:
+    """A plan of no steps for the scene's number of slots, on the host: what programs for plans are prepared with."""
+    index = np.full(len(scene.mask), -1, np.int32)
+    none: Any = (index, np.zeros((len(index), 3), np.float32), index >= 0, np.zeros_like(index))
+    return Plan(*none)

@@ -2,7 +2,9 @@
 
 import itertools
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -15,7 +17,7 @@ from basenet_jax.planners.aligned_stops import aligned_poses
 from basenet_jax.planners.candidates import Candidates, check_candidates, join
 from basenet_jax.planners.exact_sequence import best_sequence
 from basenet_jax.planners.options import RefinedOptions
-from basenet_jax.planners.protocol import PlannerSetup
+from basenet_jax.planners.protocol import PlannerSetup, no_plan
 from basenet_jax.planners.refinement import alternatives, reassign, refine
 from basenet_jax.planners.route import Route, as_plan, as_route, reason_by_slot
 from basenet_jax.planners.stop_problem import stop_problem
@@ -59,6 +61,17 @@ class Refined:
             plan = next(plans)
             took = time.perf_counter() - start
         return plan
+
+    def preparations(self, scene: Scene) -> Sequence[Callable[[], object]]:
+        """See `PreparedPlanner`."""
+        robot, world, key = self._setup.robot, self._setup.world, jax.random.key(0)
+        plan = no_plan(scene)
+        route: Any = Route(plan.base_pose, plan.object_index)
+        return [
+            partial(_refine.prepare, robot, scene, route, key, config=self._refinement, world=world),
+            partial(check_candidates.prepare, robot, scene, self._aligned, world=world, pairs_at_once=PAIRS_AT_ONCE),
+            partial(compiled_execute.prepare, robot, scene, plan, config=world),
+        ]
 
     def improving_plans(self, scene: Scene, key: Array) -> Iterator[Plan]:
         """Endless plans, none worse than the one before by the judge's costs."""
@@ -108,7 +121,7 @@ class Refined:
         if not np.any(plan.served):
             return plan
         setup, config = self._setup, self._refinement
-        routes = _refine(setup.robot, scene, as_route(plan), key, config, setup.world)
+        routes = _refine(setup.robot, scene, as_route(plan), key, config=config, world=setup.world)
         moved, given = (as_plan(scene, route, reason_by_slot(plan)) for route in routes)
         leaves_idle = len(np.setdiff1d(*(route.stop_of for route in routes))) > 0
         return max(given, moved, key=lambda each: self._worth(scene, each)) if leaves_idle else given
@@ -119,9 +132,9 @@ class Refined:
         return int(outcome.grasped), -float(outcome.execution)
 
 
-@jax.jit(static_argnames=("config", "world"))
+@partial(Stored, static=("config", "world"))
 def _refine(
-    robot: Robot, scene: Scene, route: Route, key: Array, config: RefinementConfig, world: WorldConfig
+    robot: Robot, scene: Scene, route: Route, key: Array, *, config: RefinementConfig, world: WorldConfig
 ) -> tuple[Route, Route]:
     """The route with its stops moved, and that one with every object given to its best stop."""
     route, _ = refine(robot, scene, route, key, config.rounds, config, world)
