@@ -12,6 +12,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float
 
+from basenet_jax.compilation import Stored
 from basenet_jax.config import RefinementConfig, WorldConfig
 from basenet_jax.planners.aligned_stops import aligned_poses
 from basenet_jax.planners.candidates import Candidates, check_candidates, join
@@ -123,7 +124,8 @@ class Refined:
         setup, config = self._setup, self._refinement
         routes = _refine(setup.robot, scene, as_route(plan), key, config=config, world=setup.world)
         moved, given = (as_plan(scene, route, reason_by_slot(plan)) for route in routes)
-        leaves_idle = len(np.setdiff1d(*(route.stop_of for route in routes))) > 0
+        before, after = (np.asarray(route.stop_of) for route in routes)
+        leaves_idle = len(np.setdiff1d(before, after)) > 0
         return max(given, moved, key=lambda each: self._worth(scene, each)) if leaves_idle else given
 
     def _worth(self, scene: Scene, plan: Plan) -> tuple[int, float]:
