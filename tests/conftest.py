@@ -1,4 +1,6 @@
+import ctypes
 import gc
+import resource
 from pathlib import Path
 
 import hypothesis
@@ -26,13 +28,18 @@ def table():
 
 
 @pytest.fixture(scope="module", autouse=True)
-def few_mappings():
+def little_memory():
     """Lets go of compiled programs before there are too many.
 
-    Each takes a few memory mappings, of which Linux allows a process 65,530; then the compiler aborts the interpreter.
+    Each takes some MB, and a few memory mappings, of which Linux allows a process 65,530; then the compiler aborts the
+    interpreter.
     """
     yield
-    mappings = Path("/proc/self/maps")
-    if mappings.exists() and mappings.read_bytes().count(b"\n") > 20_000:
+    mappings, pages = Path("/proc/self/maps"), Path("/proc/self/statm")
+    if not mappings.exists():
+        return
+    resident = int(pages.read_text().split()[1]) * resource.getpagesize()
+    if mappings.read_bytes().count(b"\n") > 20_000 or resident > 1.5e9:
         jax.clear_caches()
         gc.collect()
+        ctypes.CDLL(None).malloc_trim(0)  # the C library keeps what was freed in small pieces

@@ -14,7 +14,7 @@ NAMES = ["bag", "execution.csv", "plan.yaml"]
 
 
 def test_a_plan_is_exported_by_the_library(scene, plan, outcome, tmp_path, monkeypatch):
-    monkeypatch.setattr(api, "execute", lambda *given: outcome)  # compiled elsewhere
+    monkeypatch.setattr(api, "execute", lambda *_, **__: outcome)  # compiled elsewhere
     done = bn.export_plan(scene, plan, tmp_path / "out", table_pose=(1.0, 2.0, 0.5), map_frame="hall")
     assert sorted(path.name for path in done.files) == sorted(os.listdir(tmp_path / "out")) == NAMES
     assert all(path.exists() for path in done.files)

@@ -124,7 +124,7 @@ def test_an_idle_stop_is_left_out_only_if_that_is_no_worse(planner, four_objects
     none = np.zeros(4, int)
     plan = assemble_plan(four_objects, np.arange(4), np.stack([here, here, there, there]), none)
 
-    def refine_and_reassign(robot, scene, route, *_):
+    def refine_and_reassign(robot, scene, route, *_, **__):
         del robot, scene
         return route, Route(route.stops, jnp.zeros_like(route.stop_of))  # everything from the first stop
 
