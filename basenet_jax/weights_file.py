@@ -44,12 +44,15 @@ def save_weights(path: str | os.PathLike[str], params: Any, metadata: dict[str, 
     write_atomically(path, f"{FORMAT}\n{hashlib.sha256(body).hexdigest()}\n".encode() + body)
 
 
-def load_weights(path: str | os.PathLike[str], like: Params) -> tuple[Params, dict[str, Any]]:
+def load_weights(
+    path: str | os.PathLike[str], like: Params, *, part: str | None = None
+) -> tuple[Params, dict[str, Any]]:
     """Reads what `save_weights` wrote: the weights as JAX arrays in the structure of `like`, and the metadata.
 
     Args:
         path: of the file.
         like: a pytree with the expected names, shapes and dtypes: of arrays, or abstract as from `jax.eval_shape`.
+        part: the field of what was saved that `like` is like; the others are passed by. By default all of it.
 
     Raises:
         ValueError: the file is missing, damaged, of another format, or its weights are not like `like`; the message
@@ -57,8 +60,9 @@ def load_weights(path: str | os.PathLike[str], like: Params) -> tuple[Params, di
     """
     try:
         content = _read(Path(path))
-        wanted = _named_leaves(like)
-        _check_names({name for name, _ in wanted}, set(content.arrays))
+        beginning = "" if part is None else f"{part}/"
+        wanted = [(beginning + name, leaf) for name, leaf in _named_leaves(like)]
+        _check_names({name for name, _ in wanted}, {name for name in content.arrays if name.startswith(beginning)})
         leaves = [_decode(name, content.arrays[name], leaf) for name, leaf in wanted]
     except OSError as error:
         raise ValueError(f"{path}: can't be read: {error.strerror}") from error

@@ -30,6 +30,18 @@ def test_weights_and_metadata_come_back_to_the_bit(tmp_path: Path) -> None:
             assert np.asarray(leaf).tobytes() == np.asarray(expected).tobytes()
 
 
+def test_one_part_is_read_of_a_file_of_several(tmp_path: Path) -> None:
+    own, other = {"kernel": jnp.arange(3.0)}, {"kernel": jnp.arange(4.0)}
+    save_weights(tmp_path / "both.weights", {"stop": own, "stops": other}, {"robot": "mine"})
+    read, metadata = load_weights(tmp_path / "both.weights", own, part="stop")
+    np.testing.assert_array_equal(read["kernel"], own["kernel"])
+    assert metadata == {"robot": "mine"}
+    with pytest.raises(ValueError, match=r"both\.weights: stops/kernel: found float32 of shape \(4,\)"):
+        load_weights(tmp_path / "both.weights", own, part="stops")
+    with pytest.raises(ValueError, match=r"both\.weights: sequence/kernel: missing"):
+        load_weights(tmp_path / "both.weights", own, part="sequence")
+
+
 def test_equal_weights_make_equal_files(tmp_path: Path) -> None:
     for name in ("a", "b"):
         save_weights(tmp_path / name, PARAMS, {"seed": 3})

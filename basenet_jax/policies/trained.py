@@ -61,12 +61,16 @@ def load_stops(path: Path | None = None, robot: str = DEFAULT_ROBOT) -> Any:
     Raises:
         ValueError: see `load_policies`.
     """
+    like = jax.eval_shape(untrained_stops)
     if path is None:
-        return load_policies(None, robot).stops
+        with as_file(files("basenet_jax.policies") / "weights" / PACKAGED) as packaged:
+            stops, metadata = load_weights(packaged, like, part="stops")
+        _check_robot("the weights shipped with the package", metadata, robot)
+        return stops
     try:
-        stops, metadata = load_weights(path, jax.eval_shape(untrained_stops))
+        stops, metadata = load_weights(path, like)
     except ValueError:  # not this layer alone
-        return load_policies(path, robot).stops
+        stops, metadata = load_weights(path, like, part="stops")
     _check_robot(str(path), metadata, robot)
     return stops
 
