@@ -82,10 +82,10 @@ def _ablate(options: Arguments, base: AblationConfig, given: list[str]) -> int:
     from basenet_jax.evaluation.provenance import command, weights_fingerprint
     from basenet_jax.learning.ablation import Ablation
     from basenet_jax.learning.checkpoint import CheckpointError
-    from basenet_jax.learning.progress import make_reporter
     from basenet_jax.learning.run_directory import RunDirectory
     from basenet_jax.learning.training_loop import Interrupted, TrainingDiverged
     from basenet_jax.policies.trained import load_policies
+    from basenet_jax.progress import make_reporter
     from basenet_jax.robot.reading import load_robot
 
     enable_cache()

@@ -59,12 +59,12 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _evaluate(options: Arguments, given: list[str]) -> int:
     # Here and not above: JAX and MuJoCo take seconds to import, which --help needn't wait for.
+    from basenet_jax.commands.table_files import write_tables
+    from basenet_jax.commands.table_text import print_table
     from basenet_jax.compilation import enable_cache
     from basenet_jax.evaluation.preparation import Request, prepare
     from basenet_jax.evaluation.table import compare
-    from basenet_jax.evaluation.table_files import write_tables
-    from basenet_jax.evaluation.table_text import print_table
-    from basenet_jax.learning.progress import make_reporter
+    from basenet_jax.progress import make_reporter
 
     enable_cache()
     named = {each.name for each in dataclasses.fields(Request)} - {"options"}

@@ -85,7 +85,7 @@ def _generate(options: Arguments, world: WorldConfig) -> int:
 
     from basenet_jax.api import sample_scene
     from basenet_jax.compilation import enable_cache
-    from basenet_jax.learning.progress import make_reporter
+    from basenet_jax.progress import make_reporter
     from basenet_jax.robot.reading import load_robot
     from basenet_jax.world.scene_file import save_scene
 

@@ -86,15 +86,15 @@ def _plan(options: Arguments, world: WorldConfig) -> int:
     from rich.console import Console
 
     from basenet_jax.api import make_planner
+    from basenet_jax.commands.plan_outputs import Wanted, check_outputs
     from basenet_jax.compilation import enable_cache
-    from basenet_jax.plan_outputs import check_outputs
     from basenet_jax.planners.protocol import PlanningError
     from basenet_jax.planners.timed import plan_timed
     from basenet_jax.world.scene_file import load_scene
 
     enable_cache()
     try:
-        check_outputs(options)
+        check_outputs(Wanted.by(options))
         scene = load_scene(options.scene, robot=options.robot)
         if scene.written_for:
             print(f"basenet_jax.plan: {options.scene} names the robot {scene.written_for}, not this", file=sys.stderr)
@@ -115,14 +115,14 @@ def _report(options: Arguments, scene: "NamedScene", setup: "PlannerSetup", time
     import jax
 
     from basenet_jax import api
-    from basenet_jax.evaluation.plan_report import failures, print_explanation, print_plan
-    from basenet_jax.plan_outputs import OutputError, write_outputs
+    from basenet_jax.commands.plan_outputs import OutputError, Wanted, write_outputs
+    from basenet_jax.commands.plan_report import failures, print_explanation, print_plan
     from basenet_jax.planners.explanation import count_reasons
 
     plan, outcome = jax.device_get((timed.plan, api.execute(scene, timed.plan, world=setup.world)))
     counts = count_reasons(setup, scene.arrays) if options.explain else None
     try:
-        said = write_outputs(options, setup, scene, timed, outcome)
+        said = write_outputs(Wanted.by(options), setup, scene, timed, outcome)
     except OutputError as error:
         return _fail(2, str(error))
     print_plan(scene, plan, outcome)

@@ -84,10 +84,10 @@ def _train(options: Arguments, base: TrainConfig) -> int:
     from basenet_jax.devices import use_devices
     from basenet_jax.evaluation.summary import print_summary, summarise
     from basenet_jax.learning.checkpoint import CheckpointError
-    from basenet_jax.learning.progress import make_reporter
     from basenet_jax.learning.run_directory import RunDirectory, default_path
     from basenet_jax.learning.training import Training
     from basenet_jax.learning.training_loop import Interrupted, TrainingDiverged
+    from basenet_jax.progress import make_reporter
     from basenet_jax.robot.reading import load_robot, packaged_robots, robot_digest
 
     enable_cache()

@@ -21,12 +21,12 @@ from basenet_jax.atomic import write_atomically
 from basenet_jax.compilation import enable_cache
 from basenet_jax.config import GridConfig
 from basenet_jax.evaluation.scene_sets import random_set
-from basenet_jax.learning.progress import make_reporter
 from basenet_jax.planners.candidates import check_candidates, grid_poses
 from basenet_jax.planners.dp import plan_exactly
 from basenet_jax.planners.options import RefinedOptions
 from basenet_jax.planners.protocol import PlannerSetup
 from basenet_jax.planners.refined import Refined
+from basenet_jax.progress import make_reporter
 from basenet_jax.task.plan import Plan, compiled_execute
 from basenet_jax.world.scene import Scene
 

@@ -12,8 +12,8 @@ import tyro
 
 import basenet_jax as bn
 from basenet_jax.compilation import enable_cache
-from basenet_jax.planners.map_store import MapStore
 from basenet_jax.planners.protocol import PlannerSetup
+from basenet_jax.planners.reachability import MapStore
 from basenet_jax.planners.registry import PLANNERS
 from basenet_jax.plots import PlannedScene, plot_comparison, plot_plan, plot_reachability
 

@@ -9,7 +9,7 @@ import pytest
 
 import basenet_jax as bn
 from basenet_jax import api
-from basenet_jax.planners import map_or_check, registry
+from basenet_jax.planners import reachability, registry
 from tests import compiled
 from tests.scene_texts import park_once
 
@@ -56,7 +56,7 @@ def test_planners_of_one_scene_plan_one_after_the_other(scenes, monkeypatch):
 
 
 def test_other_robots_plan_and_are_judged_as_themselves(scenes, monkeypatch):
-    monkeypatch.setattr(map_or_check, "check_candidates", compiled.check_candidates)
+    monkeypatch.setattr(reachability, "check_candidates", compiled.check_candidates)
     plans = bn.plan_batch(scenes, planner="greedy-stops", robot="ur10e_mobile")
     ours = bn.execute(scenes, plans, robot="ur10e_mobile")
     np.testing.assert_array_equal(ours.grasped, 4)

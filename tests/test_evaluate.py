@@ -11,9 +11,9 @@ import jax
 import pytest
 
 from basenet_jax import evaluate
+from basenet_jax.commands.table_files import NAMES
 from basenet_jax.config import WorldConfig
 from basenet_jax.evaluation import planning, table
-from basenet_jax.evaluation.table_files import NAMES
 from basenet_jax.planners import registry
 from basenet_jax.planners.registry import PlannerKind
 from basenet_jax.world.scene import NamedScene
@@ -146,7 +146,7 @@ def test_an_interrupted_evaluation_leaves_the_old_results(capsys, scene_dir, tmp
 
 
 def test_a_full_disk_is_said(capsys, tmp_path, monkeypatch):
-    from basenet_jax.evaluation import table_files
+    from basenet_jax.commands import table_files
 
     def fail(path, data):
         raise OSError(28, "No space left on device")

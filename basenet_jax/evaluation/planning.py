@@ -14,10 +14,10 @@ from jax import Array
 from jaxtyping import Float
 
 from basenet_jax.evaluation.scene_sets import SceneSet
-from basenet_jax.learning.progress import Reporter
 from basenet_jax.planners import registry
 from basenet_jax.planners.protocol import BatchPlanner, Planner, PlannerSetup, PlanningError
 from basenet_jax.planners.timed import TimedPlan, plan_timed
+from basenet_jax.progress import Reporter
 from basenet_jax.settings import Settings
 from basenet_jax.task.plan import Plan
 from basenet_jax.world.scene import Scene, Table

@@ -12,8 +12,8 @@ from basenet_jax.config import WorldConfig
 from basenet_jax.evaluation.planning import Planned, Planners, plan_all
 from basenet_jax.evaluation.replay import confirmed, replay
 from basenet_jax.evaluation.scene_sets import SceneSet
-from basenet_jax.learning.progress import Reporter
 from basenet_jax.planners.protocol import PlanningError
+from basenet_jax.progress import Reporter
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.picking import Reason
 from basenet_jax.task.plan import Outcome, compiled_execute

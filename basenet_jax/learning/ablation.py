@@ -9,12 +9,12 @@ from jax import Array
 
 from basenet_jax.learning.base_pose_env import BasePoseEnv
 from basenet_jax.learning.config import AblationConfig
-from basenet_jax.learning.progress import Reporter
 from basenet_jax.learning.reinforce import Reinforce
 from basenet_jax.learning.run_directory import RunDirectory
 from basenet_jax.learning.sac import Sac
 from basenet_jax.learning.training_loop import run_intervals
 from basenet_jax.policies.base_pose import BasePosePolicy
+from basenet_jax.progress import Reporter
 from basenet_jax.robot.model import Robot
 
 Study = Literal["base-frame", "baseline", "attention"]

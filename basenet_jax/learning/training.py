@@ -8,7 +8,6 @@ import jax
 from basenet_jax.devices import ONE_DEVICE, Devices
 from basenet_jax.learning.base_pose_env import BasePoseEnv
 from basenet_jax.learning.config import TrainConfig
-from basenet_jax.learning.progress import Reporter
 from basenet_jax.learning.reinforce import Reinforce, sequence_network
 from basenet_jax.learning.run_directory import RunDirectory
 from basenet_jax.learning.sac import Sac
@@ -16,6 +15,7 @@ from basenet_jax.learning.stop_learning import StopLearning, stop_network
 from basenet_jax.learning.training_loop import run_intervals
 from basenet_jax.policies.base_pose import BasePosePolicy
 from basenet_jax.policies.trained import Weights, untrained_sequence, untrained_stops
+from basenet_jax.progress import Reporter
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.reading import load_robot
 from basenet_jax.weights_file import load_weights, save_weights

@@ -12,9 +12,9 @@ import jax
 
 from basenet_jax.learning import checkpoint
 from basenet_jax.learning.checkpoint import CheckpointError
-from basenet_jax.learning.progress import Reporter
 from basenet_jax.learning.run_directory import RunDirectory
-from basenet_jax.learning.signals import stop_on_signals
+from basenet_jax.progress import Reporter
+from basenet_jax.signals import stop_on_signals
 
 State = TypeVar("State")
 

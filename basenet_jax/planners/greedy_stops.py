@@ -10,9 +10,9 @@ from jaxtyping import Bool, Float
 
 from basenet_jax.config import NavigationConfig
 from basenet_jax.planners.candidates import Candidates
-from basenet_jax.planners.map_or_check import CandidateSource, unserved_reason
 from basenet_jax.planners.options import GreedyStopsOptions
 from basenet_jax.planners.protocol import PlannerSetup, assemble_plan
+from basenet_jax.planners.reachability import CandidateSource, unserved_reason
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.navigation import navigation_time
 from basenet_jax.task.plan import Plan

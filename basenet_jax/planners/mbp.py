@@ -12,8 +12,8 @@ from jaxtyping import Bool, Float, Int
 from basenet_jax.config import NavigationConfig
 from basenet_jax.planners.candidates import Candidates
 from basenet_jax.planners.cover_minimum import minimum_cover
-from basenet_jax.planners.map_or_check import CandidateSource, unserved_reason
 from basenet_jax.planners.protocol import PlannerSetup, assemble_plan
+from basenet_jax.planners.reachability import CandidateSource, unserved_reason
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.navigation import navigation_time
 from basenet_jax.task.plan import Plan

@@ -1,31 +1,45 @@
 """The inverse reachability map: from which base poses, seen from the tool, the arm reaches a top-down grasp.
 
-A map knows the arm alone: no pre-grasp, no descent, no collision. It is made once per robot and grasp height, and
-looking a pose up costs nothing, which is why the paper's simplest planners trust it.
+A map knows the arm alone: no pre-grasp, no descent, no collision. It is made once per robot and grasp height and kept,
+in memory and in the user's cache folder; looking a pose up costs nothing, which is why the paper's simplest planners
+trust it.
 """
 
 import dataclasses
+import hashlib
 import math
-from collections.abc import Sequence
+import os
+import re
+import warnings
+from collections.abc import Iterable, Sequence
 from functools import partial
+from pathlib import Path
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from basenet_jax import rounds, struct
+from basenet_jax.compilation import cache_folder
 from basenet_jax.config import GridConfig, PickConfig
 from basenet_jax.geometry import relative
-from basenet_jax.planners.candidates import Candidates
+from basenet_jax.planners.candidates import Candidates, check_candidates
+from basenet_jax.planners.protocol import PlannerSetup
 from basenet_jax.robot.ik import damped_least_squares, residual
 from basenet_jax.robot.kinematics import components, reach_sphere
 from basenet_jax.robot.model import Robot
 from basenet_jax.task import arm_solutions
 from basenet_jax.task.picking import Reason
+from basenet_jax.weights_file import load_weights, save_weights
 from basenet_jax.world.scene import MAX_OBJECTS, Scene
+
+# Of map files; the number goes up whenever maps are computed in another way.
+FORMAT = "basenet-reachability/1"
+# Maps are made for heights rounded to this (m), a tenth of the tolerance of inverse kinematics.
+HEIGHT_STEP = 1e-4
 
 _reach_sphere = jax.jit(reach_sphere)  # one program instead of twenty small ones, before anything else runs
 
@@ -94,7 +108,7 @@ def map_candidates(reach_map: ReachabilityMap, scene: Scene, base_pose: Float[Ar
     """What the map says of all pairs of pose and object: no times, and no reason but reach.
 
     Args:
-        reach_map: with one layer for each of the scene's M slots, in their order; see `map_store.MapStore`.
+        reach_map: with one layer for each of the scene's M slots, in their order; see `MapStore`.
         scene: unbatched.
         base_pose: the poses to choose from, (x, y, heading) in W.
     """
@@ -174,3 +188,171 @@ def _solution_exists(robot: Robot, picks: arm_solutions.Picks, config: PickConfi
 
     start = _Search(solutions.estimate, jnp.zeros(solutions.estimate.shape[1:], bool))
     return jax.lax.while_loop(lambda search: jnp.any(jnp.isfinite(search.estimate)), attempt, start).found
+
+
+def save_map(
+    path: str | os.PathLike[str], reach_map: ReachabilityMap, robot: Robot, grid: GridConfig, config: PickConfig
+) -> None:
+    """Writes a map, whole or not at all, with the marks of its robot and configuration.
+
+    Raises:
+        OSError: the file can't be written.
+    """
+    arrays = {"height": np.asarray(reach_map.height, np.float32), "reachable": np.asarray(reach_map.reachable)}
+    save_weights(path, arrays, {"format": FORMAT, "made_for": fingerprint(robot, grid, config)})
+
+
+def load_map(
+    path: str | os.PathLike[str], heights: np.ndarray, robot: Robot, grid: GridConfig, config: PickConfig
+) -> ReachabilityMap:
+    """Reads what `save_map` wrote.
+
+    Args:
+        path: of the file.
+        heights: of the map that is wanted (m).
+        robot: that it is wanted for.
+        grid: likewise.
+        config: likewise.
+
+    Raises:
+        ValueError: the file is missing, damaged, or holds a map of another format, robot, configuration or other
+            heights; the message names the file and what is wrong.
+    """
+    heights = np.asarray(heights, np.float32)
+    like = {
+        "height": jax.ShapeDtypeStruct(heights.shape, jnp.float32),
+        "reachable": jax.ShapeDtypeStruct((len(heights), *map_shape(robot, grid, config)), jnp.bool_),
+    }
+    arrays, metadata = load_weights(path, like)
+    if metadata.get("format") != FORMAT:
+        raise ValueError(f"{path}: format: found {metadata.get('format')!r}, needs {FORMAT!r}")
+    if metadata.get("made_for") != fingerprint(robot, grid, config):
+        raise ValueError(f"{path}: made_for: the map was made for another robot or configuration")
+    found, reachable = (np.asarray(arrays[name]) for name in ("height", "reachable"))
+    if not np.array_equal(found, heights):
+        raise ValueError(f"{path}: height: found {found.tolist()}, needs {heights.tolist()}")
+    return ReachabilityMap(reachable, heights, grid.step_m)
+
+
+def fingerprint(robot: Robot, grid: GridConfig, config: PickConfig) -> str:
+    """SHA-256 of the numbers that a map depends on, the robot's in single precision; of some others too."""
+    digest = hashlib.sha256(repr((robot.prismatic, robot.closed_form, grid.step_m, grid.turns, config)).encode())
+    for path, leaf in jax.tree_util.tree_leaves_with_path(robot):
+        values = np.asarray(leaf, "<f4")
+        digest.update(f"{jax.tree_util.keystr(path)} {values.shape}".encode() + values.tobytes())
+    return digest.hexdigest()
+
+
+def map_folder() -> Path | None:
+    """Where maps are kept on disk, beside compiled programs; None where nothing is kept."""
+    folder = cache_folder()
+    return None if folder is None else folder / "reachability"
+
+
+class MapStore:
+    """The maps of one robot.
+
+    A file that is missing, damaged or made for something else is made anew and replaced.
+    """
+
+    def __init__(self, robot: Robot, grid: GridConfig, config: PickConfig, folder: Path | None):
+        """Reads nothing yet.
+
+        Args:
+            robot: the robot.
+            grid: its step and number of headings are the bins'.
+            config: of inverse kinematics.
+            folder: where to keep maps; it is created when needed. None: in memory alone.
+        """
+        self._robot, self._grid, self._config = robot, grid, config
+        self._folder = folder
+        self._shape = map_shape(robot, grid, config)
+        self._layers: dict[int, np.ndarray] = {}  # by height in steps
+
+    def for_scene(self, scene: Scene) -> ReachabilityMap:
+        """A map with one layer for each slot of an unbatched scene, in their order; those of empty slots are empty."""
+        mask, height = jax.device_get((scene.mask, _grasp_height(scene)))
+        steps = [round(float(z) / HEIGHT_STEP) for z in height]
+        self._make_available({step for step, is_object in zip(steps, mask, strict=True) if is_object})
+        layers = np.zeros((len(mask), *self._shape), bool)
+        for slot in np.flatnonzero(mask):
+            layers[slot] = self._layers[steps[slot]]
+        return ReachabilityMap(layers, np.array(steps, np.float32) * np.float32(HEIGHT_STEP), self._grid.step_m)
+
+    def _make_available(self, steps: Iterable[int]) -> None:
+        """Loads the layers of these heights, or builds all that can't be loaded in one sweep."""
+        missing = [step for step in sorted(set(steps) - set(self._layers)) if not self._load(step)]
+        if not missing:
+            return
+        built = build_map(self._robot, [step * HEIGHT_STEP for step in missing], self._grid, self._config)
+        for step, layer in zip(missing, built.reachable, strict=True):
+            self._layers[step] = layer
+        self._save(missing)
+
+    def _load(self, step: int) -> bool:
+        """Whether the layer's file could be used; a cache's faults are no errors: the layer is then built again."""
+        if self._folder is None:
+            return False
+        height = np.array([step * HEIGHT_STEP])
+        try:
+            loaded = load_map(self._path(self._folder, step), height, self._robot, self._grid, self._config)
+        except ValueError:
+            return False
+        self._layers[step] = loaded.reachable[0]
+        return True
+
+    def _save(self, steps: list[int]) -> None:
+        if self._folder is None:
+            return
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            for step in steps:
+                height = np.array([step * HEIGHT_STEP], np.float32)
+                layer = ReachabilityMap(self._layers[step][None], height, self._grid.step_m)
+                save_map(self._path(self._folder, step), layer, self._robot, self._grid, self._config)
+        except OSError as error:
+            warnings.warn(
+                f"{self._folder}: reachability maps can't be kept here ({error.strerror}), so every run builds them"
+                " anew; set XDG_CACHE_HOME to another folder, or BASENET_JAX_CACHE=off",
+                RuntimeWarning,
+                stacklevel=2,
+            )
+
+    def _path(self, folder: Path, step: int) -> Path:
+        name = re.sub(r"\W", "_", self._robot.name)
+        return folder / f"{name}-{self._grid.step_m:g}m-{self._grid.turns}-{step * HEIGHT_STEP:.4f}.map"
+
+
+@jax.jit
+def _grasp_height(scene: Scene) -> Float[Array, " M"]:
+    return scene.grasps[:, 2]
+
+
+class CandidateSource:
+    """Where PBG and MBP have their candidates from: the map, or for the -GC variants the full check of every pair."""
+
+    def __init__(self, setup: PlannerSetup, *, checked: bool):
+        """Of all grid poses clear of the table.
+
+        Args:
+            setup: of the planner.
+            checked: whether all pairs of pose and object are checked and timed, or looked up in the map.
+        """
+        self._robot, self._world = setup.robot, setup.world
+        self._base_pose = jax.device_put(setup.grid_poses)
+        self._maps = None if checked else MapStore(setup.robot, setup.grid, setup.world.pick, map_folder())
+
+    def __call__(self, scene: Scene) -> Candidates:
+        """The candidates of an unbatched scene; there are none at all where no grid pose is clear of the table."""
+        if not len(self._base_pose):
+            nothing = jnp.zeros((0, len(scene.mask)))
+            reason = jnp.full(len(scene.mask), Reason.BASE_COLLIDES)
+            return Candidates(self._base_pose, nothing.astype(bool), nothing, reason)
+        if self._maps is None:
+            return check_candidates(self._robot, scene, self._base_pose, world=self._world)
+        return map_candidates(self._maps.for_scene(scene), scene, self._base_pose)
+
+
+def unserved_reason(candidates: Candidates) -> Int[Array, " M"]:
+    """Why an object of each slot is not served: its candidates' reason, or that none of them can be driven to."""
+    return jnp.where(candidates.reason == Reason.NONE, Reason.UNREACHABLE, candidates.reason)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import yaml
 
+from basenet_jax.commands.robot import main
 from basenet_jax.evaluation.robot_check import (
     compare_with_mujoco,
     find_causes,
@@ -16,7 +17,6 @@ from basenet_jax.evaluation.robot_check import (
 )
 from basenet_jax.evaluation.servable import random_grasps, serve
 from basenet_jax.planners.aligned_stops import aligned_poses
-from basenet_jax.robot.__main__ import main
 from basenet_jax.robot.reading import find_source, read_robot
 from basenet_jax.task.picking import Reason
 from tests.robot.conftest import ASSETS

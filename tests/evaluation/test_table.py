@@ -13,9 +13,9 @@ import pytest
 from basenet_jax.evaluation.planning import Planners, own_options, plan_all
 from basenet_jax.evaluation.scene_sets import SceneSet, random_set
 from basenet_jax.evaluation.table import compare
-from basenet_jax.learning.progress import PlainReporter
 from basenet_jax.planners import protocol
 from basenet_jax.planners.registry import PLANNERS
+from basenet_jax.progress import PlainReporter
 from tests import judged
 from tests.evaluation.fake_planners import FAKES, Double, Fixed
 

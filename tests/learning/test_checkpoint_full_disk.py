@@ -29,15 +29,15 @@ def assert_full_disk_is_told(directory: Path, state: Any, *, megabytes: str) -> 
 def test_too_little_space_is_found_before_anything_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     checkpoint.save(tmp_path, 1, SMALL, {})
     monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=1e5))
-    monkeypatch.setattr(checkpoint, "write_arrays", lambda *_: pytest.fail("written"))
+    monkeypatch.setattr(checkpoint, "_write_arrays", lambda *_: pytest.fail("written"))
     assert_full_disk_is_told(tmp_path, {"w": jnp.zeros(10**6)}, megabytes="4.1")
 
 
 @pytest.mark.parametrize(
     ("step", "error"),
     [
-        ("write_arrays", ValueError('RESOURCE_EXHAUSTED: Error writing "0/0.0": No space left on device')),
-        ("write_manifest", OSError(errno.ENOSPC, "No space left on device")),
+        ("_write_arrays", ValueError('RESOURCE_EXHAUSTED: Error writing "0/0.0": No space left on device')),
+        ("_write_manifest", OSError(errno.ENOSPC, "No space left on device")),
         ("sync", OSError(errno.EDQUOT, "Disk quota exceeded")),
     ],
 )

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from basenet_jax.learning.progress import PlainReporter
 from basenet_jax.learning.run_directory import RunDirectory
 from basenet_jax.learning.training_loop import Interrupted, run_intervals
+from basenet_jax.progress import PlainReporter
 
 
 class Momentum(NamedTuple):

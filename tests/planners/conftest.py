@@ -3,7 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from basenet_jax.planners import basenet, dp, map_or_check, refined
+from basenet_jax.planners import basenet, dp, reachability, refined
 from tests import compiled
 
 
@@ -20,7 +20,7 @@ def cache_home(tmp_path_factory):
 def one_check_of_candidates():
     """One program checks the candidates of all planners, padded; itself it is compared with single picks."""
     with pytest.MonkeyPatch.context() as patch:
-        for planner in (basenet, dp, map_or_check, refined):
+        for planner in (basenet, dp, reachability, refined):
             patch.setattr(planner, "check_candidates", compiled.check_candidates)
         yield
 

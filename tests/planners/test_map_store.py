@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from basenet_jax.config import GridConfig, PickConfig
-from basenet_jax.planners import map_store
-from basenet_jax.planners.map_file import load_map, save_map
-from basenet_jax.planners.map_store import HEIGHT_STEP, MapStore, map_folder
-from basenet_jax.planners.reachability import build_map
+from basenet_jax.planners import reachability
+from basenet_jax.planners.reachability import HEIGHT_STEP, MapStore, build_map, load_map, map_folder, save_map
 from basenet_jax.weights_file import save_weights
 from tests import compiled
 
@@ -41,7 +39,7 @@ def builds(monkeypatch):
         calls.append(heights)
         return build_map(robot, heights, grid, config)
 
-    monkeypatch.setattr(map_store, "build_map", count)
+    monkeypatch.setattr(reachability, "build_map", count)
     return calls
 
 

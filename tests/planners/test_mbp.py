@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 
 from basenet_jax.config import NavigationConfig
 from basenet_jax.planners.candidates import Candidates
-from basenet_jax.planners.map_store import MapStore
 from basenet_jax.planners.mbp import Mbp, nearest_stops, picks_at_stops
-from basenet_jax.planners.reachability import map_candidates
+from basenet_jax.planners.reachability import MapStore, map_candidates
 from basenet_jax.task.picking import Reason
 from basenet_jax.world.scene import Table
 from tests import compiled

@@ -3,23 +3,23 @@
 import io
 import sys
 from collections.abc import Iterator
+from dataclasses import dataclass, fields
 from math import inf, isfinite, radians
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from basenet_jax import api
 from basenet_jax.atomic import write_atomically
-from basenet_jax.evaluation.outputs import check_different, check_output_file
+from basenet_jax.commands.output_files import check_different, check_output_file
 from basenet_jax.exports import check_export
-from basenet_jax.learning.progress import make_reporter
+from basenet_jax.progress import make_reporter
 from basenet_jax.task.plan_file import save_plan
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from basenet_jax.plan import Arguments
     from basenet_jax.planners.protocol import PlannerSetup
     from basenet_jax.planners.timed import TimedPlan
     from basenet_jax.task.plan import Outcome
@@ -30,7 +30,28 @@ class OutputError(ValueError):
     """An output that can't be made or written; the message says which and why."""
 
 
-def check_outputs(options: "Arguments") -> None:
+@dataclass(frozen=True)
+class Wanted:
+    """What the command is asked for beside its tables on the terminal; as options, see `basenet_jax.plan.Arguments`."""
+
+    scene: Path  # an input, not to be overwritten
+    planner: str
+    out: Path | None
+    picture: Path | None
+    video: Path | None
+    video_speed: float
+    export: Path | None
+    export_format: tuple[str, ...]
+    table_pose: tuple[float, float, float]
+    map_frame: str
+
+    @classmethod
+    def by(cls, options: Any) -> "Wanted":
+        """The fields of the same names of the command's options."""
+        return cls(**{each.name: getattr(options, each.name) for each in fields(cls)})
+
+
+def check_outputs(options: Wanted) -> None:
     """Whether all that is asked for can be written, as far as can be told before there is a plan.
 
     Raises:
@@ -55,12 +76,12 @@ def check_outputs(options: "Arguments") -> None:
 
 
 def write_outputs(
-    options: "Arguments", setup: "PlannerSetup", scene: "NamedScene", timed: "TimedPlan", outcome: "Outcome"
+    options: Wanted, setup: "PlannerSetup", scene: "NamedScene", timed: "TimedPlan", outcome: "Outcome"
 ) -> list[str]:
     """Makes all that is asked for, then writes it.
 
     Args:
-        options: of the command.
+        options: what is wanted.
         setup: what was planned for.
         scene: what was planned.
         timed: its plan.
@@ -97,9 +118,7 @@ def _draw(figure: "Figure", path: Path) -> bytes:
     return buffer.getvalue()
 
 
-def _film(
-    options: "Arguments", setup: "PlannerSetup", scene: "NamedScene", timed: "TimedPlan", outcome: "Outcome"
-) -> bytes:
+def _film(options: Wanted, setup: "PlannerSetup", scene: "NamedScene", timed: "TimedPlan", outcome: "Outcome") -> bytes:
     from basenet_jax.plots import RenderError, encode_video, render_video
 
     assert options.video
@@ -126,7 +145,7 @@ def _film(
 
 
 def _export(
-    options: "Arguments",
+    options: Wanted,
     setup: "PlannerSetup",
     folder: Path,
     scene: "NamedScene",

@@ -8,9 +8,9 @@ import json
 import numpy as np
 import pytest
 
+from basenet_jax.commands.table_files import NAMES, long_form, markdown, results, write_tables
+from basenet_jax.commands.table_text import print_table
 from basenet_jax.evaluation.table import Row
-from basenet_jax.evaluation.table_files import NAMES, long_form, markdown, results, write_tables
-from basenet_jax.evaluation.table_text import print_table
 from tests.evaluation.test_figures import scores
 
 ABOUT = {

@@ -10,9 +10,9 @@ from typing import Any
 import msgspec
 
 from basenet_jax.atomic import write_atomically
+from basenet_jax.commands.table_text import check_cells, cost_cells
 from basenet_jax.evaluation.figures import Summary, per_scene, summarise
 from basenet_jax.evaluation.table import Row
-from basenet_jax.evaluation.table_text import check_cells, cost_cells
 
 FORMAT = "basenet-evaluation/1"
 NAMES = ("table.md", "table.csv", "results.json")

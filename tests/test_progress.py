@@ -3,7 +3,7 @@ import os
 
 import pytest
 
-from basenet_jax.learning.progress import PlainReporter, TerminalReporter, make_reporter
+from basenet_jax.progress import PlainReporter, TerminalReporter, make_reporter
 
 
 class Clock:

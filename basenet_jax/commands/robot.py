@@ -1,0 +1,98 @@
+"""Looks at robots: `python -m basenet_jax.robot check my_arm.yaml --out folder`, `python -m basenet_jax.robot list`."""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+if TYPE_CHECKING:
+    from basenet_jax.commands.robot_report import Findings
+    from basenet_jax.robot.model import Robot
+
+
+@dataclass(frozen=True)
+class Check:
+    """Says in a minute what is wrong or right with a robot file.
+
+    Reads the file and its model; compares forward kinematics and Jacobian with MuJoCo's; solves inverse kinematics
+    for random poses in reach; and looks for base poses that serve random top-down grasps on the default table. Where
+    none is served, it tries other tool frames, mount heights, joint limits and shapes, and names what helps. Lengths in
+    m, times in s. Exit codes: 0 the robot can pick, 2 the file is refused, 3 it is read but can't be used as it is.
+    """
+
+    robot: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="FILE")]
+    """A robot file, or a packaged robot's name."""
+    out: Path | None = None
+    """Folder for two pictures, NAME-frames.png and NAME-reach.png; made if it isn't there."""
+    grasps: int = 128
+    """How many random grasps."""
+    seed: int = 0
+    """Of everything random."""
+
+
+@dataclass(frozen=True)
+class List:
+    """Names the robots that come with the package."""
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Runs the command and returns its exit code."""
+    commands = Annotated[Check, tyro.conf.subcommand("check")] | Annotated[List, tyro.conf.subcommand("list")]
+    options = tyro.cli(commands, args=arguments, prog="python -m basenet_jax.robot")
+    if isinstance(options, List):
+        from basenet_jax.robot.reading import packaged_robots
+
+        print("\n".join(packaged_robots()))
+        return 0
+    if not 1 <= options.grasps <= 10_000:
+        return _fail(2, f"--grasps: found {options.grasps}, allowed are 1 to 10000")
+    try:
+        return _check(options)
+    except KeyboardInterrupt:
+        return _fail(130, "interrupted")
+
+
+def _check(options: Check) -> int:
+    # Here and not above: JAX and MuJoCo take seconds to import, which --help needn't wait for.
+    from basenet_jax.commands.robot_report import report
+    from basenet_jax.compilation import enable_cache
+    from basenet_jax.robot.reading import find_source
+
+    enable_cache()
+    try:
+        source = find_source(options.robot)
+        if options.out:
+            options.out.mkdir(parents=True, exist_ok=True)
+    except ValueError as error:
+        return _fail(2, str(error))
+    except OSError as error:
+        return _fail(2, f"--out: {options.out} can't be a folder to write to: {error.strerror}")
+    findings = report(source, options.grasps, options.seed)
+    try:
+        if options.out:
+            _draw(source.robot, findings, options.out)
+    except OSError as error:
+        return _fail(2, f"--out: {options.out} can't be written: {error.strerror}")
+    if findings.faults:
+        return _fail(3, "\n  ".join([f"{source.robot.name}:", *findings.faults]))
+    return 0
+
+
+def _draw(robot: "Robot", findings: "Findings", folder: Path) -> None:
+    from basenet_jax.plots.robot import plot_robot, plot_service
+    from basenet_jax.world.scene import Table
+
+    served = findings.served
+    title = f"{robot.name}: {100 * served.share:.1f} % of {len(findings.grasps)} random top-down grasps are served"
+    reach = plot_service(Table.from_config(), findings.grasps, served.served, served.base_pose, title)
+    for name, figure in (("frames", plot_robot(robot)), ("reach", reach)):
+        path = folder / f"{robot.name}-{name}.png"
+        figure.savefig(path, dpi=110)
+        print(f"wrote {path}")
+
+
+def _fail(code: int, message: str) -> int:
+    print(f"basenet_jax.robot: {message}", file=sys.stderr)
+    return code
