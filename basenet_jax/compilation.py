@@ -5,6 +5,7 @@ of it for the few programs that a user waits for at every start.
 """
 
 import concurrent.futures
+import contextlib
 import functools
 import hashlib
 import os
@@ -206,7 +207,8 @@ def _read(path: Path) -> tuple[Any, Any, Any] | None:
     digest, packed = data[:_DIGEST], data[_DIGEST:]
     if hashlib.sha256(packed).digest() != digest:
         return None
-    os.utime(path)
+    with contextlib.suppress(OSError):  # another user's folder
+        os.utime(path)  # used last: see `_KEPT`
     return pickle.loads(zlib.decompress(packed))
 
 

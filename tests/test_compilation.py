@@ -121,6 +121,16 @@ def test_where_nothing_can_be_stored_it_works_without(folder):
     check(new()(X, factor=2.0))
 
 
+def test_a_folder_that_can_only_be_read_serves_what_it_has(folder, monkeypatch):
+    check(new()(X, factor=2.0))
+
+    def refuse(*_, **__):
+        raise PermissionError
+
+    monkeypatch.setattr(compilation.os, "utime", refuse)
+    check(only_stored()(X, factor=2.0))
+
+
 def test_under_transformations_it_is_the_function_itself():
     stored = new()
     check(jax.jit(lambda x: stored(x, factor=2.0))(X))
