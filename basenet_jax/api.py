@@ -212,7 +212,7 @@ def replan(
 def execute(
     scene: NamedScene | Scene, plan: Plan, *, robot: RobotLike | None = None, world: WorldConfig = WorldConfig()
 ) -> Outcome:
-    """The judge's verdict on a plan, per step and in total.
+    """The judge's verdict on a plan, per step and in total, with the least singular value of each pick.
 
     Args:
         scene: one, or a batch of `Scene`.
@@ -220,7 +220,8 @@ def execute(
         robot: as for `make_planner`; by default the scene's, or without one `ur5e_mobile`.
         world: of drives and picks.
     """
-    return judge.compiled_execute(_robot(robot, scene), _arrays(scene), plan, config=world)
+    robot = _robot(robot, scene)
+    return judge.with_singular_values(robot, judge.compiled_execute(robot, _arrays(scene), plan, config=world))
 
 
 def plot_plan(

@@ -116,7 +116,7 @@ def _report(options: Arguments, scene: "NamedScene", setup: "PlannerSetup", time
 
     from basenet_jax import api
     from basenet_jax.commands.plan_outputs import OutputError, Wanted, write_outputs
-    from basenet_jax.commands.plan_report import failures, print_explanation, print_plan
+    from basenet_jax.commands.plan_report import failures, nearly_singular, print_explanation, print_plan
     from basenet_jax.planners.explanation import count_reasons
 
     plan, outcome = jax.device_get((timed.plan, api.execute(scene, timed.plan, world=setup.world)))
@@ -131,6 +131,8 @@ def _report(options: Arguments, scene: "NamedScene", setup: "PlannerSetup", time
     if counts is not None:
         print_explanation(scene, counts)
     print(*said, sep="\n", end="\n" if said else "")
+    for name, value in nearly_singular(scene, plan, outcome):
+        print(f"note: {name} is picked near a singular pose of the arm (least singular value {value:.2g}, m and rad)")
     failed = failures(scene, plan, outcome)
     if not failed:
         return 0

@@ -1,5 +1,6 @@
 """The plan command: what it writes and prints, its exit codes, and what it refuses before planning."""
 
+import dataclasses
 import io
 import json
 import os
@@ -15,6 +16,7 @@ from basenet_jax import api, offscreen, plan, plots
 from basenet_jax.config import WorldConfig
 from basenet_jax.planners import registry
 from basenet_jax.planners.protocol import PlanningError
+from basenet_jax.task import plan as judge
 from basenet_jax.task.plan_file import load_plan
 from basenet_jax.world.scene_file import load_scene
 from tests.scene_texts import TEXT, park_once
@@ -68,6 +70,25 @@ def test_a_plan_is_printed_and_written(call, made):
     assert content["totals"]["grasped"] == 2
     assert content["planning_time_s"] > 0
     assert content["compile_time_s"] >= 0
+
+
+def test_a_pick_near_a_singular_pose_is_noted(call, monkeypatch):
+    with_values = judge.with_singular_values
+
+    def stretch(robot, outcome):
+        joints = np.array(outcome.joints)
+        joints[1, -1, 2] = 0.01  # the elbow, rad
+        return with_values(robot, dataclasses.replace(outcome, joints=joints))
+
+    assert "singular" not in call("scene.yaml")[1]
+    monkeypatch.setattr(judge, "with_singular_values", stretch)
+    code, out, _ = call("scene.yaml", "--out", "plan.json")
+    assert code == 0
+    [note] = [line for line in out.splitlines() if "singular" in line]
+    assert note.startswith("note: part_7 is picked near a singular pose of the arm (least singular value 0.00")
+    with open("plan.json") as file:
+        steps = json.load(file)["steps"]
+    assert steps[1]["least_singular_value"] < 0.01 < 0.02 < steps[0]["least_singular_value"]
 
 
 def test_basenet_plans_unless_told_otherwise_and_nothing_is_written_unasked(call, made):

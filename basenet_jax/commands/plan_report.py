@@ -12,6 +12,8 @@ from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.task.plan_file import reason_name
 from basenet_jax.world.scene import NamedScene
 
+_NEARLY_SINGULAR = 0.02  # m and rad, of the least singular value: below it, a straight descent may not be followed
+
 
 def print_plan(scene: NamedScene, plan: Plan, outcome: Outcome) -> None:
     """Prints the steps of one plan in order, and their totals, on stdout."""
@@ -33,6 +35,19 @@ def print_plan(scene: NamedScene, plan: Plan, outcome: Outcome) -> None:
     navigation, picking, execution = (float(x) for x in (outcome.navigation, outcome.picking, outcome.execution))
     totals = f"N {navigation:.1f} s + G {picking:.1f} s = {execution:.1f} s"
     print(f"{int(outcome.grasped)} of {len(steps)} objects grasped, {totals}")
+
+
+def nearly_singular(scene: NamedScene, plan: Plan, outcome: Outcome) -> list[tuple[str, float]]:
+    """Names and least singular values of the picks that come near a singular pose of the arm, in the plan's order.
+
+    Args:
+        scene: that was planned.
+        plan: of the scene.
+        outcome: of executing it, with singular values.
+    """
+    least = np.asarray(outcome.least_singular_value)
+    steps = np.flatnonzero(np.asarray(outcome.feasible) & (least < _NEARLY_SINGULAR))
+    return [(scene.names[int(plan.object_index[step])], float(least[step])) for step in steps]
 
 
 def failures(scene: NamedScene, plan: Plan, outcome: Outcome) -> list[tuple[str, str]]:

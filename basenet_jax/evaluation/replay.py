@@ -125,12 +125,13 @@ def replay(
 
 def confirmed(outcomes: Outcome, broken: Int[np.ndarray, "B M"]) -> Outcome:
     """The outcomes with every pick that `replay` found impossible counted as not grasped; its pick time is 0."""
-    agreed = np.asarray(broken) == Reason.NONE
+    agreed, least = np.asarray(broken) == Reason.NONE, outcomes.least_singular_value
     return dataclasses.replace(
         outcomes,
         feasible=outcomes.feasible & agreed,
         reason=np.where(agreed, outcomes.reason, broken),
         pick_time=np.where(agreed, outcomes.pick_time, 0.0),
+        least_singular_value=None if least is None else np.where(agreed, least, 0.0),
     )
 
 

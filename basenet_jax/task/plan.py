@@ -1,13 +1,17 @@
 """Plans, and the one judge that says what executing them costs."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jaxtyping import Bool, Float, Int
 
 from basenet_jax import struct
 from basenet_jax.compilation import Stored
 from basenet_jax.config import WorldConfig
+from basenet_jax.robot.kinematics import geometric_jacobian
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.navigation import navigation_time
 from basenet_jax.task.picking import ArmCheck, Reason, pick
@@ -38,6 +42,7 @@ class Outcome:
     navigation_time: Float[Array, "*batch M"]  # s
     pick_time: Float[Array, "*batch M"]  # s
     joints: Float[Array, "*batch M waypoints dof"]  # rad
+    least_singular_value: Float[Array, "*batch M"] | None = None  # see `with_singular_values`; None: not computed
 
     @property
     def grasped(self) -> Int[Array, "*batch"]:
@@ -107,3 +112,20 @@ def execute(
 
 
 compiled_execute = Stored(execute, static=("config",))
+_compiled_jacobian = Stored(geometric_jacobian)
+
+
+def with_singular_values(robot: Robot, outcome: Outcome) -> Outcome:
+    """The outcome with how near each pick comes to a pose in which the arm can't move in every direction.
+
+    That is the least singular value of the tool's geometric Jacobian (m and rad), the least over the pick's waypoints;
+    0 where nothing is picked. A stretched elbow's is 0. Beside the judge, since planners judge without it.
+
+    Args:
+        robot: of the outcome.
+        outcome: concrete, of one plan or a batch.
+    """
+    # By NumPy: a process that loads its programs would wait as long for JAX's decomposition as for all the rest.
+    jacobian, feasible = jax.device_get((_compiled_jacobian(robot, outcome.joints), outcome.feasible))
+    least = np.linalg.svd(jacobian, compute_uv=False)[..., -1].min(axis=-1)
+    return dataclasses.replace(outcome, least_singular_value=jnp.asarray(np.where(feasible, least, 0.0)))

@@ -30,6 +30,7 @@ class StepFields(Struct, forbid_unknown_fields=True):
     navigation_time_s: _Duration
     pick_time_s: _Duration
     arm: ArmFields | None
+    least_singular_value: Annotated[float, Meta(ge=0)] | None = None  # m and rad; older files have none
 
 
 class TotalsFields(Struct, forbid_unknown_fields=True):
@@ -73,6 +74,7 @@ ALLOWED = {
     "steps[].navigation_time_s": _SECONDS,
     "steps[].pick_time_s": _SECONDS,
     "steps[].arm": "is a mapping of joint angles, or null",
+    "steps[].least_singular_value": "is a number from 0 on (m and rad), or null",
     "steps[].arm.pre_grasp": "is a list of joint angles (rad)",
     "steps[].arm.grasp": "is a list of joint angles (rad)",
     "totals": "is a mapping of counts and times",

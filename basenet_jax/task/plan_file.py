@@ -99,7 +99,7 @@ def reason_name(reason: Any) -> str | None:
 
 
 def _step(scene: NamedScene, plan: Plan, outcome: Outcome, step: int) -> StepFields:
-    feasible, joints = bool(outcome.feasible[step]), outcome.joints[step]
+    feasible, joints, least = bool(outcome.feasible[step]), outcome.joints[step], outcome.least_singular_value
     return StepFields(
         object=scene.names[int(plan.object_index[step])],
         base_pose=tuple(shortest(plan.base_pose[step])) if plan.served[step] else None,
@@ -108,6 +108,7 @@ def _step(scene: NamedScene, plan: Plan, outcome: Outcome, step: int) -> StepFie
         navigation_time_s=shortest(outcome.navigation_time[step]),
         pick_time_s=shortest(outcome.pick_time[step]),
         arm=ArmFields(pre_grasp=shortest(joints[0]), grasp=shortest(joints[-1])) if feasible else None,
+        least_singular_value=shortest(least[step]) if feasible and least is not None else None,
     )
 
 

@@ -1,14 +1,19 @@
 """The judge: what a plan's execution comes to, by the rules of episodes."""
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled module comes without type stubs.)
+
 import dataclasses
 
 import jax
 import jax.numpy as jnp
+import mujoco
 import numpy as np
 import pytest
 
+from basenet_jax.robot.robot_mjcf import TOOL_SITE
 from basenet_jax.task.picking import Reason
-from basenet_jax.task.plan import Plan
+from basenet_jax.task.plan import Plan, with_singular_values
 from tests import compiled
 
 GOOD = np.array([0.35, -0.9, 0.05], np.float32)
@@ -98,6 +103,33 @@ def test_a_batch_is_its_plans_one_by_one_even_on_different_tables(robot, judge, 
         np.testing.assert_array_equal(together.reason[row], alone.reason)
         np.testing.assert_allclose(together.execution[row], alone.execution, atol=1e-4)
     assert int(together.reason[2, 0]) == Reason.BASE_COLLIDES
+
+
+def least_by_mujoco(robot, waypoints):
+    """The least singular value of MuJoCo's Jacobian of tool0 over some joint states, in float64."""
+    model = mujoco.MjModel.from_xml_string(robot.model_xml)
+    data = mujoco.MjData(model)
+    joints = [model.joint(name) for name in robot.joint_names]
+    jacobian = np.zeros((len(waypoints), 6, model.nv))
+    for rows, state in zip(jacobian, np.asarray(waypoints, float), strict=True):
+        data.qpos[[joint.qposadr[0] for joint in joints]] = state
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_jacSite(model, data, rows[:3], rows[3:], model.site(TOOL_SITE).id)
+    return np.linalg.svd(jacobian[..., [joint.dofadr[0] for joint in joints]], compute_uv=False)[:, -1].min()
+
+
+def test_the_least_singular_value_of_each_pick_is_that_of_mujocos_jacobian(judge, scene, robot):
+    outcome = judge(scene, make_plan([GOOD, [-2.0, 1.5, 0.0], GOOD, GOOD, GOOD, GOOD]))
+    joints = np.array(outcome.joints)
+    joints[2, 3, 2] = 0.0  # a stretched elbow, between pre-grasp and grasp
+    outcome = with_singular_values(robot, dataclasses.replace(outcome, joints=joints))
+    least = np.array(outcome.least_singular_value)
+    assert list(least[[1, 4, 5]]) == [0.0, 0.0, 0.0], "nothing is picked"
+    assert least[2] == pytest.approx(0.0, abs=1e-6)
+    # float32, of a matrix of norm 2
+    np.testing.assert_allclose(least[[0, 2, 3]], [least_by_mujoco(robot, joints[k]) for k in (0, 2, 3)], atol=1e-6)
+    assert least[0] > 0.02
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from basenet_jax.task.picking import Reason
-from basenet_jax.task.plan import Outcome, Plan
+from basenet_jax.task.plan import Outcome, Plan, with_singular_values
 from basenet_jax.task.plan_file import PlanFileError, load_plan, save_plan
 from basenet_jax.world.naming import name_objects
 from basenet_jax.world.scene import Scene, Table
@@ -49,7 +49,7 @@ def plan():
 
 @pytest.fixture(scope="module")
 def outcome(robot, scene, plan):
-    return compiled.execute(robot, scene.arrays, plan)
+    return with_singular_values(robot, compiled.execute(robot, scene.arrays, plan))
 
 
 @pytest.fixture
@@ -87,6 +87,19 @@ def test_numbers_give_back_the_same_float32(path, outcome: Outcome):
     assert np.float32(first["pick_time_s"]) == np.float32(outcome.pick_time[0])
     np.testing.assert_array_equal(np.array(first["arm"]["pre_grasp"], np.float32), outcome.joints[0, 0])
     np.testing.assert_array_equal(np.array(first["arm"]["grasp"], np.float32), outcome.joints[0, -1])
+    least = [step["least_singular_value"] for step in content["steps"]]
+    assert least[2:] == [None, None]
+    assert outcome.least_singular_value is not None
+    np.testing.assert_array_equal(np.array(least[:2], np.float32), outcome.least_singular_value[:2])
+
+
+def test_a_file_without_singular_values_is_read(path, scene, plan):
+    """As files were before there were any, and as they are where none were computed."""
+    content = json.loads(path.read_text())
+    for step in content["steps"]:
+        del step["least_singular_value"]
+    path.write_text(json.dumps(content))
+    np.testing.assert_array_equal(load_plan(path, scene).object_index, plan.object_index)
 
 
 def test_the_plan_comes_back(path, scene, plan):
@@ -140,6 +153,7 @@ def put(*keys_and_value):
         (put("steps", 0, "arm", None), "steps[0].feasible: found true, allowed is true only with base_pose"),
         (put("steps", 2, "reason", "tired"), "steps[2].reason: found 'tired', allowed are base_collides, out_of_reach"),
         (put("steps", 2, "reason", None), "steps[2].reason: found null, allowed are base_collides"),
+        (put("steps", 0, "least_singular_value", -1), "steps[0].least_singular_value: found -1, allowed is a number f"),
         (put("steps", 0, "arm", {}), "steps[0].arm.pre_grasp: found nothing, allowed is a list of joint angles (rad)"),
         (drop_last, "steps: found no step for 'mug_2', allowed is one step for each object of the scene"),
         (
@@ -147,7 +161,7 @@ def put(*keys_and_value):
             "steps[1].base_pose: found a pose after a step with none, allowed are steps",
         ),
     ],
-    ids=range(16),
+    ids=range(17),
 )
 def test_what_is_no_plan_of_the_scene_is_refused(path, scene, change, said):
     content = json.loads(path.read_text())
