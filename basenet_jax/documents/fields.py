@@ -50,14 +50,14 @@ def shortest(value: Any) -> Any:
     return float(str(values)) if np.issubdtype(values.dtype, np.floating) else values.item()
 
 
-def convert(data: Any, kind: type[T], *, format_name: str, allowed: Mapping[str, str]) -> T:
+def convert(data: Any, kind: type[T], *, format_name: str | None, allowed: Mapping[str, str]) -> T:
     """A document as a msgspec struct.
 
     Args:
         data: of `read_yaml` or `read_json`.
-        kind: the struct; all mappings in it are structs that forbid unknown fields, and none holds a `Literal`
-            (whose errors would quote the file).
-        format_name: what the document's `format` must be.
+        kind: the struct; all mappings in it are structs, and none holds a `Literal` (whose errors would quote the
+            file).
+        format_name: what the document's `format` must be; None for documents of others' making, which have none.
         allowed: what each field may be, as in `field_error`, by its path with `[]` for any index; a field that isn't
             listed has its parent's.
 
@@ -66,7 +66,7 @@ def convert(data: Any, kind: type[T], *, format_name: str, allowed: Mapping[str,
     """
     if not isinstance(data, dict):
         raise field_error("", describe(data), f"is a mapping with {', '.join(_children('', allowed))}")
-    if data.get("format") != format_name:
+    if format_name is not None and data.get("format") != format_name:
         found = describe(data["format"]) if "format" in data else "nothing"
         raise field_error("format", found, f"is {format_name!r}")
     try:

@@ -49,7 +49,21 @@ def to_json(data: Any) -> bytes:
     return lists.sub(lambda match: b"[" + re.sub(rb"\s+", b" ", match[1].strip()) + b"]", text) + b"\n"
 
 
-def _read_text(path: Path, limit: int) -> str:
+def inside(path: Path, folder: Path) -> Path | None:
+    """The file a path leads to, links followed, if it is a file in the folder (which is resolved) or below."""
+    try:
+        found = path.resolve()
+        return found if found.is_relative_to(folder) and found.is_file() else None
+    except (OSError, ValueError, RuntimeError):  # a loop of links, or a name that no file system takes
+        return None
+
+
+def read_bytes(path: Path, limit: int) -> bytes:
+    """The content of a file of up to `limit` bytes.
+
+    Raises:
+        DocumentError: the file can't be read, or is larger.
+    """
     try:
         with path.open("rb") as stream:
             data = stream.read(limit + 1)
@@ -59,6 +73,11 @@ def _read_text(path: Path, limit: int) -> str:
         raise DocumentError(f"can't be read: {error}") from None
     if len(data) > limit:
         raise field_error("", f"more than {limit} bytes", f"are up to {limit}")
+    return data
+
+
+def _read_text(path: Path, limit: int) -> str:
+    data = read_bytes(path, limit)
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

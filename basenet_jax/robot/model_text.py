@@ -14,6 +14,7 @@ import defusedxml
 import defusedxml.ElementTree
 
 from basenet_jax.documents.fields import DocumentError, describe
+from basenet_jax.documents.text_files import inside
 
 MAX_XML_BYTES = 4 * 1024 * 1024
 MAX_MESH_BYTES = 32 * 1024 * 1024
@@ -74,15 +75,6 @@ def read_model_text(path: Path, folder: Path) -> ModelText:
     if root.tag == "mujoco":
         return _mjcf(root, path, meshes)
     raise DocumentError(f"{path.name}: found XML of <{root.tag[:40]}>, allowed are MJCF (<mujoco>) and URDF (<robot>)")
-
-
-def inside(path: Path, folder: Path) -> Path | None:
-    """The file a path leads to, links followed, if it is a file in the folder (which is resolved) or below."""
-    try:
-        found = path.resolve()
-        return found if found.is_relative_to(folder) and found.is_file() else None
-    except (OSError, ValueError, RuntimeError):  # a loop of links, or a name that no file system takes
-        return None
 
 
 def _parse(path: Path) -> ElementTree.Element:

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from basenet_jax.documents.fields import describe, field_error
+from basenet_jax.documents.text_files import inside
 from basenet_jax.robot.fields import RobotFile
 from basenet_jax.robot.model import Robot
-from basenet_jax.robot.model_text import inside
 from basenet_jax.robot.robot_mjcf import BASE_JOINTS
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
