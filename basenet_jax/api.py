@@ -20,6 +20,7 @@ from jaxtyping import PRNGKeyArray
 
 from basenet_jax.config import GridConfig, WorldConfig
 from basenet_jax.planners import protocol, registry
+from basenet_jax.planners.on_its_table import table_sizes
 from basenet_jax.planners.protocol import Planner, PlannerSetup
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.reading import DEFAULT_ROBOT, load_robot, robot_digest, robot_stamp
@@ -81,9 +82,7 @@ class ScenePlanner:
         Raises:
             ValueError: the table is another one, or (`PlanningError`) the planner can't serve the scene.
         """
-        arrays = _arrays(scene)
-        self._check_table(arrays.table)
-        return self.planner(arrays, jax.random.key(0) if key is None else key)
+        return self.planner(_arrays(scene), jax.random.key(0) if key is None else key)
 
     def plan_batch(self, scenes: Scene, key: Array | None = None) -> Plan:
         """Plans many scenes in one call: the learned planners in one program, the others one after the other.
@@ -99,15 +98,7 @@ class ScenePlanner:
             raise ValueError(
                 f"scenes: found a mask of shape {scenes.mask.shape}, needs scenes x objects, at least one scene"
             )
-        self._check_table(scenes.table)
         return protocol.plan_batch(self.planner, scenes, jax.random.key(0) if key is None else key)
-
-    def _check_table(self, table: Table) -> None:
-        own, found = (_table_sizes(each) for each in (self.setup.table, table))
-        if not np.allclose(found, own, rtol=0.0, atol=1e-6):
-            (length, width, height), (x, y, z) = np.ravel(own), np.reshape(found, (-1, 3))[0]
-            allowed = f"is the planner's of {length:.3f} x {width:.3f} m, {height:.3f} m high"
-            raise ValueError(f"table: found one of {x:.3f} x {y:.3f} m, {z:.3f} m high, allowed {allowed}")
 
 
 def make_planner(
@@ -138,7 +129,7 @@ def make_planner(
     weights = options.get("weights")
     # A file that was written anew is another one.
     version = weights.stat().st_mtime_ns if weights is not None and weights.exists() else None
-    sizes = _table_sizes(Table.from_config(world.table) if table is None else table)
+    sizes = table_sizes(Table.from_config(world.table) if table is None else table)
     return _planner(name, _identified(robot), tuple(sizes.tolist()), world, grid, own, version)
 
 
@@ -332,12 +323,6 @@ def _robot_on_device(robot: _Identified) -> Robot:
 def _robot(robot: RobotLike | None, scene: NamedScene | Scene) -> Robot:
     """The robot that is asked for, else the scene's."""
     return _identified(_robot_name(scene) if robot is None else robot).on_device()
-
-
-def _table_sizes(table: Table) -> np.ndarray:
-    """Length, width, height (m) along the last axis."""
-    table = jax.device_get(table)
-    return np.concatenate([2 * np.asarray(table.half_size), np.asarray(table.height)[..., None]], axis=-1)
 
 
 def _slot(scene: NamedScene | Scene, which: str | int) -> int:

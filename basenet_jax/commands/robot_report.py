@@ -12,9 +12,9 @@ from basenet_jax.evaluation.robot_check import (
     check_service,
     compare_with_mujoco,
     find_causes,
+    rest_faults,
     solved_share,
     tool_tilt_degrees,
-    touching_moves,
 )
 from basenet_jax.evaluation.servable import Served, random_grasps
 from basenet_jax.robot.model import Robot
@@ -55,9 +55,7 @@ def report(source: Source, grasps: int, seed: int) -> Findings:
     if not difference.is_small:
         faults.append(f"kinematics differ from MuJoCo's by {worst}: this is a fault of basenet_jax, please report it")
     with waiting.status("checking home and stow ..."):
-        touching = touching_moves(robot, table)
-    if touching:
-        faults.append(f"the arm touches the body at {', '.join(touching)}, so no pick is possible: see the frames")
+        faults += rest_faults(robot, table)
     tilt = tool_tilt_degrees(robot)
     console.print(f"at stow the tool's z is {tilt:.0f}° from straight down")
     if tilt > _MOST_TILT:

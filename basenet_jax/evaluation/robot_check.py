@@ -15,6 +15,7 @@ from jax import Array
 from jaxtyping import Bool, Float
 
 from basenet_jax.config import WorldConfig
+from basenet_jax.documents.fields import DocumentError
 from basenet_jax.evaluation.servable import Served, serve
 from basenet_jax.planners.aligned_stops import aligned_poses
 from basenet_jax.robot.ik import solve_ik
@@ -22,8 +23,8 @@ from basenet_jax.robot.kinematics import forward_kinematics, geometric_jacobian
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.model_arm import find_frame
 from basenet_jax.robot.reading import Source
+from basenet_jax.robot.rest import check_body, check_tables
 from basenet_jax.task.arm_solutions import lattice
-from basenet_jax.world.clearance import arm_collides
 from basenet_jax.world.scene import Table
 
 LARGEST_DIFFERENCE = 1e-9  # m and 1: float64's rounding over an arm, with room
@@ -31,7 +32,6 @@ _STATES = 200
 _IK_TARGETS, _IK_SEEDS = 64, 32
 _FEWER_GRASPS, _EVERY = 16, 3  # for alternatives: grasps, and every so manieth base pose
 _RISES_M = (0.2, -0.2, 0.4, -0.4, 0.6, -0.6, 0.8)
-_FAR_AWAY = np.array([50.0, 0.0, 0.0], np.float32)
 
 
 class Difference(NamedTuple):
@@ -92,12 +92,15 @@ def _solved(robot: Robot, joints: Float[Array, "N dof"]) -> Bool[Array, " N"]:
     return jnp.any(solve_ik(robot, position[:, None], rotation[:, None], seeds).converged, axis=1)
 
 
-def touching_moves(robot: Robot, table: Table) -> list[str]:
-    """Which of home, stow and the move between them make the arm touch the robot's own body."""
-    states = np.linspace(robot.home, robot.stow, 9).astype(np.float32)
-    touches = np.asarray(jax.jit(arm_collides)(robot, np.tile(_FAR_AWAY, (len(states), 1)), states, table))
-    parts = (("home", touches[:1]), ("stow", touches[-1:]), ("the move from home to stow", touches[1:-1]))
-    return [name for name, part in parts if part.any()]
+def rest_faults(robot: Robot, table: Table, world: WorldConfig = WorldConfig()) -> list[str]:
+    """What home, stow and the move between them make the arm touch: the robot's body, or the table from some place."""
+    faults = []
+    for check in (lambda: check_body(robot, world.pick), lambda: check_tables(robot, float(table.height), world.pick)):
+        try:
+            check()
+        except DocumentError as error:
+            faults.append(str(error))
+    return faults
 
 
 def tool_tilt_degrees(robot: Robot) -> float:

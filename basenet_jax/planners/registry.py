@@ -39,12 +39,15 @@ class PlannerKind:
         return self.options(**given) if self.options else None
 
     def make_planner(self, setup: "PlannerSetup", options: Settings | None = None) -> "Planner":
-        """The planner of a setup; options of None are its defaults.
+        """The planner of a setup, which refuses scenes with another table; options of None are its defaults.
 
         Raises:
-            ValueError: its weights can't be used.
+            ValueError: its weights can't be used, or the robot's arm would touch something before and after a pick.
         """
-        return self.make(setup) if options is None else self.make(setup, options)
+        from basenet_jax.planners.on_its_table import check_rest, hold_to  # the names are known without JAX
+
+        check_rest(setup)
+        return hold_to(setup, self.make(setup) if options is None else self.make(setup, options))
 
 
 def _later(module: str, name: str, **fixed: Any) -> Callable[..., "Planner"]:
@@ -119,6 +122,6 @@ def make_planner(name: str, setup: "PlannerSetup", options: Settings | None = No
         options: of `make_options`; None: its defaults.
 
     Raises:
-        ValueError: there is none of that name, or its weights can't be used.
+        ValueError: there is none of that name, or see `PlannerKind.make_planner`.
     """
     return find_planner(name).make_planner(setup, options)

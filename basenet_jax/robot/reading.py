@@ -23,6 +23,7 @@ from basenet_jax.robot.fields import ALLOWED, FORMAT, RobotFile
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.model_arm import Arm, Capsule, between, compile_model, find_frame, read_arm
 from basenet_jax.robot.model_text import read_model_text
+from basenet_jax.robot.rest import check_body
 from basenet_jax.robot.robot_checks import check_file, check_model_path, check_robot
 from basenet_jax.robot.robot_mjcf import write_mjcf
 
@@ -77,7 +78,7 @@ def _load(reference: str) -> tuple[Robot, Stamp]:
     kept = _kept.get(path)
     if kept is None or kept[1] != _stamp([file for file, *_ in kept[1]]):
         source = find_source(reference)
-        kept = _kept[path] = (source.robot, _stamp(source.files))
+        kept = _kept[path] = (_usable(source, reference), _stamp(source.files))
     return kept
 
 
@@ -86,7 +87,16 @@ _kept: dict[str, tuple[Robot, Stamp]] = {}  # by the robot file's path
 
 @functools.cache
 def _load_packaged(name: str) -> Robot:
-    return find_source(name).robot
+    return _usable(find_source(name), name)
+
+
+def _usable(source: Source, reference: str | os.PathLike[str]) -> Robot:
+    """The robot, if it can be used: its arm rests clear of its body."""
+    try:
+        check_body(source.robot)
+    except DocumentError as error:
+        raise RobotFileError(f"{reference}: {error}") from None
+    return source.robot
 
 
 def _stamp(files: Iterable[Path]) -> Stamp:
@@ -101,7 +111,7 @@ def _stamp(files: Iterable[Path]) -> Stamp:
 
 
 def find_source(reference: str) -> Source:
-    """`load_robot` with what the robot was read from, anew each time."""
+    """What a robot is read from, anew each time, and the robot even if its arm touches its body at rest."""
     if reference in packaged_robots():
         with resources.as_file(resources.files("basenet_jax.robot") / "assets") as assets:
             return read_source(assets / f"{reference}.yaml", packaged=True)
@@ -130,13 +140,13 @@ def read_robot(path: str | os.PathLike[str]) -> Robot:
     """Reads a robot file and the model that it names, anew each time.
 
     Raises:
-        RobotFileError: the file or the model doesn't describe a mobile manipulator.
+        RobotFileError: the file or the model doesn't describe a mobile manipulator, or its arm rests in its body.
     """
-    return read_source(path).robot
+    return _usable(read_source(path), path)
 
 
 def read_source(path: str | os.PathLike[str], *, packaged: bool = False) -> Source:
-    """`read_robot`, with the model as MuJoCo sees it."""
+    """The robot of a file, with the model as MuJoCo sees it; whether its arm rests in its body isn't checked."""
     path = Path(path)
     try:
         document = read_json(path) if path.suffix.lower() == ".json" else read_yaml(path)

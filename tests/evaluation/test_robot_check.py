@@ -11,9 +11,9 @@ from basenet_jax.commands.robot import main
 from basenet_jax.evaluation.robot_check import (
     compare_with_mujoco,
     find_causes,
+    rest_faults,
     solved_share,
     tool_tilt_degrees,
-    touching_moves,
 )
 from basenet_jax.evaluation.servable import random_grasps, serve
 from basenet_jax.planners.aligned_stops import aligned_poses
@@ -69,10 +69,14 @@ def test_inverse_kinematics_is_solved_from_the_lattice(robot):
     assert solved_share(narrow.replace(home=narrow.joint_lower)) == 1.0
 
 
-def test_a_stow_inside_the_body_is_noticed(robot, table):
-    assert touching_moves(robot, table) == []
-    low = robot.replace(body_half_size=robot.body_half_size + np.array([0.0, 0.0, 0.4]))
-    assert "stow" in touching_moves(low, table)
+def test_an_arm_that_rests_in_the_body_or_over_the_table_is_noticed(robot, table):
+    assert rest_faults(robot, table) == []
+    high = robot.replace(body_half_size=robot.body_half_size + np.array([0.0, 0.0, 0.4]))
+    [fault] = rest_faults(high, table)
+    assert fault.startswith("home_degrees: found at home (shoulder_pan -180, ")
+    assert "touches the robot's body" in fault
+    low = robot.replace(mount_position=robot.mount_position + np.array([0.6, 0.0, -0.3]))
+    assert "beyond the footprint below a table's top at 0.75 m" in rest_faults(low, table)[-1]
 
 
 def limited(text, ranges):

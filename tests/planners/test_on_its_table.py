@@ -1,0 +1,94 @@
+"""Planners refuse other tables than their own, and robots that can't rest beside it."""
+
+import dataclasses
+import re
+
+import jax
+import numpy as np
+import pytest
+
+from basenet_jax.planners.on_its_table import hold_to
+from basenet_jax.planners.protocol import BatchPlanner, PlannerSetup, PreparedPlanner, plan_batch
+from basenet_jax.planners.registry import make_planner
+from basenet_jax.robot.reading import load_robot
+from basenet_jax.world.scene import Table
+from tests.scene_texts import park_once
+
+KEY = jax.random.key(0)
+OTHER = re.escape(
+    "table: found one of 2.000 x 0.800 m, 0.900 m high, allowed is the planner's of 2.000 x 0.800 m, 0.75"
+)
+
+
+class Ready:
+    """Plans one scene, and has something to prepare."""
+
+    def __call__(self, scene, key):
+        return park_once(scene, key)
+
+    def preparations(self, scene):
+        return [lambda: None] * len(scene.mask)
+
+
+class Together(Ready):
+    """Plans batches too."""
+
+    def plan_batch(self, scenes, key):
+        return jax.tree.map(lambda x: np.stack([x] * len(scenes.mask)), park_once(on_row(scenes, 0), key))
+
+
+def on_row(scenes, row):
+    return jax.tree.map(lambda x: x[row], scenes)
+
+
+def on_other_table(scene):
+    return dataclasses.replace(scene, table=Table(scene.table.half_size, np.float32(0.9)))  # pyright: ignore[reportArgumentType]
+
+
+def stacked(*scenes):
+    return jax.tree.map(lambda *x: np.stack(x), *scenes)
+
+
+@pytest.mark.parametrize("name", ["dp", "greedy-stops", "basenet", "basenet-paper"])
+def test_planners_of_a_name_refuse_another_table_by_name(setup, four_objects, name):
+    planner = make_planner(name, setup)
+    with pytest.raises(ValueError, match=OTHER):
+        planner(on_other_table(four_objects), KEY)
+    with pytest.raises(ValueError, match=OTHER):
+        plan_batch(planner, stacked(on_other_table(four_objects), four_objects), KEY)
+
+
+def test_one_scene_of_a_batch_on_another_table_is_enough(setup, four_objects):
+    planner = hold_to(setup, Together())
+    assert isinstance(planner, BatchPlanner)
+    assert len(planner.plan_batch(stacked(four_objects, four_objects), KEY).served) == 2
+    with pytest.raises(ValueError, match=r"table: found one of .*, allowed is the planner's"):
+        planner.plan_batch(stacked(four_objects, on_other_table(four_objects)), KEY)
+
+
+@pytest.mark.parametrize(
+    ("inner", "together", "prepared"), [(park_once, False, 0), (Ready(), False, 6), (Together(), True, 6)]
+)
+def test_a_planner_keeps_what_it_can(setup, four_objects, inner, together, prepared):
+    planner = hold_to(setup, inner)
+    assert isinstance(planner, BatchPlanner) == together
+    assert isinstance(planner, PreparedPlanner)
+    assert len(planner.preparations(four_objects)) == prepared
+    np.testing.assert_array_equal(planner(four_objects, KEY).served, four_objects.mask)
+
+
+def test_a_table_that_a_resting_arm_may_touch_is_refused_with_the_robots_name():
+    high = PlannerSetup(robot=load_robot("panda_mobile"), table=Table(np.ones(2), np.float32(1.5)))  # pyright: ignore[reportArgumentType]
+    message = (
+        r"^robot panda_mobile: home_degrees: found at home \(joint1 20, .* 0\.120 m beyond the footprint below a tab"
+    )
+    with pytest.raises(ValueError, match=message):
+        make_planner("dp", high)
+
+
+def test_a_robot_whose_arm_rests_in_its_body_is_refused_by_name(setup, robot):
+    low = dataclasses.replace(robot, stow=np.radians([0.0, 60.0, 60.0, 0.0, 0.0, 0.0]))
+    with pytest.raises(
+        ValueError, match=r"^robot ur5e_mobile: stow_degrees: found at stow .* touches the robot's body"
+    ):
+        make_planner("dp", dataclasses.replace(setup, robot=low))
