@@ -7,6 +7,7 @@ near the ground, so that planners load weights without the machinery of training
 import hashlib
 import math
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -58,9 +59,33 @@ def load_weights(
         ValueError: the file is missing, damaged, of another format, or its weights are not like `like`; the message
             names the file and what is wrong.
     """
+    return load_described(path, lambda _: like, part=part)
+
+
+def load_described(
+    path: str | os.PathLike[str],
+    like_of: Callable[[dict[str, Any]], Params],
+    *,
+    part: str | None = None,
+    or_alone: bool = False,
+) -> tuple[Params, dict[str, Any]]:
+    """`load_weights` of a network that the file's own metadata describe.
+
+    Args:
+        path: of the file.
+        like_of: makes of the metadata what the weights are like; a ValueError of it is raised with the file's name.
+        part: as for `load_weights`.
+        or_alone: a file that holds no such part is taken to be this part alone.
+
+    Raises:
+        ValueError: as for `load_weights`, or the metadata describe no network.
+    """
     try:
         content = _read(Path(path))
+        like = like_of(content.metadata)
         beginning = "" if part is None else f"{part}/"
+        if or_alone and not any(name.startswith(beginning) for name in content.arrays):
+            beginning = ""
         wanted = [(beginning + name, leaf) for name, leaf in _named_leaves(like)]
         _check_names({name for name, _ in wanted}, {name for name in content.arrays if name.startswith(beginning)})
         leaves = [_decode(name, content.arrays[name], leaf) for name, leaf in wanted]

@@ -16,6 +16,7 @@ import pytest
 
 from basenet_jax import train
 from basenet_jax.learning import checkpoint
+from basenet_jax.policies.trained import load_policies, load_stops
 from tests import tiny_training
 
 ROOT = Path(__file__).parents[1]
@@ -88,6 +89,14 @@ def test_a_training_leaves_what_it_should(finished):
     assert layers == [(layer, i) for layer in ("base-pose", "sequence", "stops") for i in range(1, 5)]
     assert "single-pick success" in out
     assert "base-pose: 4/4" in err
+
+
+def test_its_weights_are_read_as_those_of_its_own_networks(finished):
+    weights = load_policies(finished[0] / "weights" / "basenet.weights")
+    assert [len(bias) for bias in weights.base_pose.biases] == [32, 32, 8]
+    assert (weights.sequence_network.features, weights.sequence_network.layers) == (8, 2)
+    policy, _ = load_stops(finished[0] / "weights" / "stops.weights")
+    assert (policy.features, policy.layers) == (8, 1)
 
 
 def test_a_finished_run_is_not_trained_over(capsys, finished):

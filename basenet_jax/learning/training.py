@@ -14,6 +14,7 @@ from basenet_jax.learning.sac import Sac
 from basenet_jax.learning.stop_learning import StopLearning, stop_network
 from basenet_jax.learning.training_loop import run_intervals
 from basenet_jax.policies.base_pose import BasePosePolicy
+from basenet_jax.policies.networks import BasePoseNetwork, Networks, SequenceNetwork, StopNetwork
 from basenet_jax.policies.trained import Weights, untrained_sequence, untrained_stops
 from basenet_jax.progress import Reporter
 from basenet_jax.robot.model import Robot
@@ -164,13 +165,17 @@ class Training:
 
     def _metadata(self) -> dict[str, Any]:
         config = self.config
+        networks = Networks(
+            BasePoseNetwork(config.sac.frame, config.sac.hidden),
+            SequenceNetwork.of(sequence_network(config.reinforce)),
+            StopNetwork.of(stop_network(config.stops)),
+        )
         return {
             "preset": config.preset,
             "seed": config.seed,
             "objects": config.reinforce.objects,
             "robot": config.robot,
-            "base_pose_frame": config.sac.frame,
-        }
+        } | networks.as_metadata()
 
 
 def _run(

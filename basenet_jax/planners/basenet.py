@@ -50,7 +50,7 @@ class BaSeNet:
         setup: PlannerSetup,
         options: StopsOptions = StopsOptions(),
         *,
-        policy: StopPolicy = StopPolicy(),
+        policy: StopPolicy | None = None,
         params: Any = None,
     ):
         """Prepares the stops.
@@ -59,18 +59,19 @@ class BaSeNet:
             setup: robot, table, world and grid.
             options: `SampleOptions` have it play rollouts drawn from the policy beside the greedy one, and take the
                 best by its cost.
-            policy: the network, and
-            params: its parameters; by default those of the options' weights.
+            policy: the network of the parameters, if these are given: by default the presets'.
+            params: of the network; by default both are those of the options' weights.
 
         Raises:
-            ValueError: the weights are missing, damaged, of other networks or for another robot; the message names
-                the file.
+            ValueError: the weights are missing, damaged, not of the network that their file describes or for another
+                robot; the message names the file.
         """
         self._setup, self._devices = setup, use_devices(options.devices or jax.local_device_count())
-        params = load_stops(options.weights, setup.robot.name) if params is None else params
+        if params is None:
+            policy, params = load_stops(options.weights, setup.robot.name)
         self._made_for = _MadeFor(setup.robot, setup.table, params)
         samples = options.samples if isinstance(options, SampleOptions) else 0
-        self._program = _Program(policy, samples, setup.world)
+        self._program = _Program(policy or StopPolicy(), samples, setup.world)
         stops = jax.device_put(aligned_poses(setup.robot, setup.table, options.aligned, setup.world.pick))
         self._graph = self._graph_of(stops)
 

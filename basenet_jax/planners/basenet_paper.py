@@ -7,7 +7,6 @@ from basenet_jax.config import WorldConfig
 from basenet_jax.devices import ONE_DEVICE, Devices, use_devices
 from basenet_jax.planners.options import LearnedOptions
 from basenet_jax.planners.protocol import PlannerSetup, in_parts
-from basenet_jax.policies.grasp_sequence import GraspSequencePolicy
 from basenet_jax.policies.pickup import as_plan, choose_learned, rollout
 from basenet_jax.policies.trained import Weights, load_policies
 from basenet_jax.robot.model import Robot
@@ -21,7 +20,8 @@ class BaSeNetPaper:
     """Plans by both learned policies.
 
     Raises:
-        ValueError: the weights are missing, damaged, of other networks or for another robot; the message names them.
+        ValueError: the weights are missing, damaged, not of the networks that their file describes or for another
+            robot; the message names them.
     """
 
     def __init__(self, setup: PlannerSetup, options: LearnedOptions = LearnedOptions()):
@@ -52,7 +52,7 @@ def _plan(
     robot: Robot, weights: Weights, scenes: Scene, key: Array, world: WorldConfig, devices: Devices = ONE_DEVICE
 ) -> Plan:
     def plan(robot: Robot, weights: Weights, scenes: Scene, key: Array) -> Plan:
-        choose = choose_learned(GraspSequencePolicy(), weights.sequence, scenes)
+        choose = choose_learned(weights.sequence_network, weights.sequence, scenes)
         return as_plan(rollout(robot, scenes, weights.base_pose, choose, key, world))
 
     return devices.apart(plan, in_axes=(None, None, 0, None))(robot, weights, scenes, key)

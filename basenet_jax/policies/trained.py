@@ -1,57 +1,56 @@
 """Trained policies: all layers as one pytree, from a run's weights file or those shipped with the package."""
 
-import dataclasses
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.resources import as_file, files
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 
+from basenet_jax import struct
 from basenet_jax.policies.base_pose import BasePosePolicy, untrained_policy
 from basenet_jax.policies.grasp_sequence import GraspSequencePolicy
+from basenet_jax.policies.networks import read_networks
 from basenet_jax.policies.stop_policy import StopGraph, StopPolicy, make_scene
 from basenet_jax.policies.stop_rollout import start
 from basenet_jax.robot.reading import DEFAULT_ROBOT
-from basenet_jax.weights_file import load_weights
+from basenet_jax.weights_file import load_described
 
 PACKAGED = "default.weights"
-_HIDDEN = (256, 256, 256)  # of the base-pose policy
 
 
-class Weights(NamedTuple):
-    """All layers, as a run's `basenet.weights` holds them."""
+@struct.dataclass
+class Weights:
+    """All layers, as a run's `basenet.weights` holds them, and the networks that they are of."""
 
     base_pose: BasePosePolicy
-    sequence: Any  # parameters of `GraspSequencePolicy`
-    stops: Any  # parameters of `StopPolicy`
+    sequence: Any  # parameters of `sequence_network`
+    stops: Any  # parameters of `stop_network`
+    sequence_network: GraspSequencePolicy = struct.field(pytree_node=False, default=GraspSequencePolicy())
+    stop_network: StopPolicy = struct.field(pytree_node=False, default=StopPolicy())
 
 
 def load_policies(path: Path | None = None, robot: str = DEFAULT_ROBOT) -> Weights:
-    """Trained policies of the presets' sizes; by default those shipped with the package.
+    """Trained policies, of the networks that their file describes; by default those shipped with the package.
 
     Args:
         path: of a run's `basenet.weights`.
         robot: name of the robot that they have to be trained for.
 
     Raises:
-        ValueError: the file is missing or damaged, or holds the weights of other networks or for another robot; the
-            message names it.
+        ValueError: the file is missing or damaged, or its weights aren't those of the networks that it describes (or,
+            where it describes none, of the presets'), or are for another robot; the message names it.
     """
-    like = jax.eval_shape(lambda: Weights(untrained_policy(_HIDDEN), untrained_sequence(), untrained_stops()))
-    if path is not None:
-        weights, metadata = load_weights(path, like)
-        _check_robot(str(path), metadata, robot)
-        frame = metadata.get("base_pose_frame", "object")  # older files are all of the object's
-        return weights._replace(base_pose=dataclasses.replace(weights.base_pose, frame=frame))
-    with as_file(files("basenet_jax.policies") / "weights" / PACKAGED) as packaged:
-        weights, metadata = load_weights(packaged, like)
-        _check_robot("the weights shipped with the package", metadata, robot)
+    with _file(path) as (file, name):
+        weights, metadata = load_described(file, _untrained)
+        _check_robot(name, metadata, robot)
         return weights
 
 
-def load_stops(path: Path | None = None, robot: str = DEFAULT_ROBOT) -> Any:
-    """The parameters of the trained stop policy, which needs no other layer.
+def load_stops(path: Path | None = None, robot: str = DEFAULT_ROBOT) -> tuple[StopPolicy, Any]:
+    """The trained stop policy, which needs no other layer: the network and its parameters.
 
     Args:
         path: of a run's `basenet.weights`, or of its `stops.weights` where only this layer was trained; by default the
@@ -61,18 +60,36 @@ def load_stops(path: Path | None = None, robot: str = DEFAULT_ROBOT) -> Any:
     Raises:
         ValueError: see `load_policies`.
     """
-    like = jax.eval_shape(untrained_stops)
-    if path is None:
-        with as_file(files("basenet_jax.policies") / "weights" / PACKAGED) as packaged:
-            stops, metadata = load_weights(packaged, like, part="stops")
-        _check_robot("the weights shipped with the package", metadata, robot)
-        return stops
-    try:
-        stops, metadata = load_weights(path, like)
-    except ValueError:  # not this layer alone
-        stops, metadata = load_weights(path, like, part="stops")
-    _check_robot(str(path), metadata, robot)
-    return stops
+
+    def like(metadata: dict[str, Any]) -> Any:
+        return jax.eval_shape(lambda: untrained_stops(read_networks(metadata).stops.make()))
+
+    with _file(path) as (file, name):
+        stops, metadata = load_described(file, like, part="stops", or_alone=True)
+        _check_robot(name, metadata, robot)
+        return read_networks(metadata).stops.make(), stops
+
+
+@contextmanager
+def _file(path: Path | None) -> Iterator[tuple[Path, str]]:
+    """The file, by default the package's, and what to call it."""
+    if path is not None:
+        yield path, str(path)
+        return
+    with as_file(files("basenet_jax.policies") / "weights" / PACKAGED) as packaged:
+        yield packaged, "the weights shipped with the package"
+
+
+def _untrained(metadata: dict[str, Any]) -> Weights:
+    """All layers of the networks that a file describes, for their shapes."""
+    networks = read_networks(metadata)
+    sequence, stops = networks.sequence.make(), networks.stops.make()
+
+    def make() -> Weights:
+        base_pose = untrained_policy(networks.base_pose.hidden, networks.base_pose.frame)
+        return Weights(base_pose, untrained_sequence(sequence), untrained_stops(stops), sequence, stops)
+
+    return jax.eval_shape(make)
 
 
 def _check_robot(source: str, metadata: dict[str, Any], robot: str) -> None:

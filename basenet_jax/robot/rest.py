@@ -92,6 +92,7 @@ def _fault(
 
 
 def _shapes(robot: Robot, states: Float[np.ndarray, "S dof"]) -> _Shapes:
+    robot = jax.tree.map(lambda x: np.asarray(x, float), robot)  # sums in single precision would be off by 1e-7
     rotation = np.broadcast_to(robot.mount_rotation, (len(states), 3, 3))
     position = np.broadcast_to(robot.mount_position, (len(states), 3))
     start, end = np.empty((2, len(states), len(robot.capsule_link), 3))

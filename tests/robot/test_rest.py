@@ -3,6 +3,7 @@
 import dataclasses
 import re
 
+import jax
 import numpy as np
 import pytest
 
@@ -74,6 +75,15 @@ def test_packaged_robots_rest_beside_usual_tables(name):
     robot = load_robot(name)
     check_body(robot)
     check_tables(robot, 1.2)
+
+
+@pytest.mark.parametrize("name", packaged_robots())
+def test_a_robot_in_single_precision_is_the_same(name):
+    robot, config = load_robot(name), PickConfig(base_clearance_m=0.02)
+    single = jax.tree.map(np.float32, robot)
+    check_body(single)
+    for height in (0.75, 0.9, 1.1, 1.3):
+        assert passes(check_tables, single, height, config) == passes(check_tables, robot, height, config)
 
 
 def test_what_is_below_no_table_is_safe_without_any_clearance(robot):
