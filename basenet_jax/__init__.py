@@ -37,8 +37,8 @@ if TYPE_CHECKING:
     from basenet_jax.task.plan_file import save_plan as save_plan
     from basenet_jax.world.generate import draw_scene as draw_scene
     from basenet_jax.world.scene import NamedScene as NamedScene
+    from basenet_jax.world.scene import Room as Room
     from basenet_jax.world.scene import Scene as Scene
-    from basenet_jax.world.scene import Table as Table
     from basenet_jax.world.scene_file import SceneFileError as SceneFileError
     from basenet_jax.world.scene_file import load_scene as load_scene
     from basenet_jax.world.scene_file import save_scene as save_scene
@@ -55,7 +55,7 @@ _MODULES = {
     "Scene": "world.scene",
     "SceneFileError": "world.scene_file",
     "ScenePlanner": "api",
-    "Table": "world.scene",
+    "Room": "world.boxes",
     "TrainConfig": "learning.config",
     "WorldConfig": "config",
     "draw_scene": "world.generate",
@@ -90,10 +90,10 @@ __all__ = [
     "PlanningError",
     "Reason",
     "Robot",
+    "Room",
     "Scene",
     "SceneFileError",
     "ScenePlanner",
-    "Table",
     "TrainConfig",
     "WorldConfig",
     "draw_scene",

@@ -20,16 +20,16 @@ from jaxtyping import PRNGKeyArray
 
 from basenet_jax.config import GridConfig, WorldConfig
 from basenet_jax.planners import protocol, registry
-from basenet_jax.planners.on_its_table import table_sizes
 from basenet_jax.planners.protocol import Planner, PlannerSetup
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.reading import DEFAULT_ROBOT, load_robot, robot_digest, robot_stamp
 from basenet_jax.settings import Settings
 from basenet_jax.task import plan as judge
 from basenet_jax.task.plan import Outcome, Plan
+from basenet_jax.world.boxes import Room, fingerprint
 from basenet_jax.world.generate import draw_scene
 from basenet_jax.world.naming import name_objects
-from basenet_jax.world.scene import MAX_OBJECTS, NamedScene, Scene, Table
+from basenet_jax.world.scene import MAX_OBJECTS, NamedScene, Scene
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -57,7 +57,7 @@ def sample_scene(
     """
     if not 1 <= objects <= MAX_OBJECTS:
         raise ValueError(f"objects: found {objects}, allowed are 1 to {MAX_OBJECTS}")
-    arrays, placed = _draw_scene(key, objects, Table.from_config(world.table), slots=objects, config=world.scene)
+    arrays, placed = _draw_scene(key, objects, Room.from_config(world.table), slots=objects, config=world.scene)
     if not bool(placed):
         raise ValueError(f"objects: found {objects}, which found no place on the table; draw another scene, or fewer")
     return name_objects(arrays, robot.name if isinstance(robot, Robot) else os.fspath(robot))
@@ -105,7 +105,7 @@ def make_planner(
     name: str = "basenet",
     *,
     robot: RobotLike = DEFAULT_ROBOT,
-    table: Table | None = None,
+    room: Room | None = None,
     world: WorldConfig = WorldConfig(),
     grid: GridConfig = GridConfig(),
     **options: Any,
@@ -129,8 +129,9 @@ def make_planner(
     weights = options.get("weights")
     # A file that was written anew is another one.
     version = weights.stat().st_mtime_ns if weights is not None and weights.exists() else None
-    sizes = table_sizes(Table.from_config(world.table) if table is None else table)
-    return _planner(name, _identified(robot), tuple(sizes.tolist()), world, grid, own, version)
+    own_room: Room = Room.from_config(world.table) if room is None else jax.device_get(room)
+    in_room = _IdentifiedRoom(fingerprint(own_room), own_room)
+    return _planner(name, _identified(robot), in_room, world, grid, own, version)
 
 
 def make_plan(
@@ -275,25 +276,31 @@ def planner_of(
             raise ValueError(f"{found[0]}: found beside a planner that is made; give it to make_planner")
         return planner
     robot = _robot_name(scene) if robot is None else robot
-    table = jax.device_get(_arrays(scene).table)
-    return make_planner(planner, robot=robot, table=table, world=world or WorldConfig(), **options)
+    room = jax.device_get(_arrays(scene).room)
+    return make_planner(planner, robot=robot, room=room, world=world or WorldConfig(), **options)
 
 
 @functools.lru_cache(maxsize=16)
 def _planner(
     name: str,
     robot: "_Identified",
-    sizes: tuple[float, float, float],
+    room: "_IdentifiedRoom",
     world: WorldConfig,
     grid: GridConfig,
     options: Settings | None,
     version: int | None,
 ) -> ScenePlanner:
     del version
-    length, width, height = sizes
-    table = Table(half_size=jnp.array((length / 2, width / 2)), height=jnp.array(height))
-    setup = PlannerSetup(robot.on_device(), table, world, grid)
+    setup = PlannerSetup(robot.on_device(), jax.device_put(room.room), world, grid)
     return ScenePlanner(name, setup, options, registry.make_planner(name, setup, options))
+
+
+@dataclass(frozen=True)
+class _IdentifiedRoom:
+    """A room that caches know again."""
+
+    identity: Hashable
+    room: Room = field(compare=False)
 
 
 @dataclass(frozen=True)

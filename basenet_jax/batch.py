@@ -13,8 +13,9 @@ from basenet_jax import api
 from basenet_jax.api import RobotLike, ScenePlanner
 from basenet_jax.config import WorldConfig
 from basenet_jax.task.plan import Plan
+from basenet_jax.world.boxes import Room
 from basenet_jax.world.generate import draw_scene
-from basenet_jax.world.scene import MAX_OBJECTS, Scene, Table
+from basenet_jax.world.scene import MAX_OBJECTS, Scene
 
 
 def sample_scenes(key: PRNGKeyArray, *, count: int, objects: int = 10, world: WorldConfig = WorldConfig()) -> Scene:
@@ -69,8 +70,8 @@ def plan_batch(
         raise ValueError(
             f"scenes: found a mask of shape {scenes.mask.shape}, needs scenes x objects, at least one scene"
         )
-    tables = np.column_stack([np.asarray(x).reshape(len(scenes.mask), -1) for x in jax.tree.leaves(scenes.table)])
-    if not np.all(tables == tables[0]):
+    rooms = np.column_stack([np.asarray(x).reshape(len(scenes.mask), -1) for x in jax.tree.leaves(scenes.room)])
+    if not np.all(rooms == rooms[0]):
         raise ValueError("scenes: found several tables; plan the scenes of each table in a call of their own")
     first = jax.tree.map(lambda x: x[0], scenes)
     return api.planner_of(first, planner, robot, world, options).plan_batch(scenes, key)
@@ -78,5 +79,5 @@ def plan_batch(
 
 @partial(jax.jit, static_argnames=("objects", "world"))
 def _draw(keys: Array, objects: int, world: WorldConfig) -> tuple[Scene, Array]:
-    table = Table.from_config(world.table)
-    return jax.vmap(lambda key: draw_scene(key, objects, table, slots=objects, config=world.scene))(keys)
+    room = Room.from_config(world.table)
+    return jax.vmap(lambda key: draw_scene(key, objects, room, slots=objects, config=world.scene))(keys)

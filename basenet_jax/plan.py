@@ -98,7 +98,7 @@ def _plan(options: Arguments, world: WorldConfig) -> int:
         scene = load_scene(options.scene, robot=options.robot)
         if scene.written_for:
             print(f"basenet_jax.plan: {options.scene} names the robot {scene.written_for}, not this", file=sys.stderr)
-        made_for = {"robot": scene.robot, "table": scene.arrays.table, "world": world, "grid": options.grid}
+        made_for = {"robot": scene.robot, "room": scene.arrays.room, "world": world, "grid": options.grid}
         made = make_planner(options.planner, **made_for, **options.given_options())
     except ValueError as error:
         return _fail(2, str(error))

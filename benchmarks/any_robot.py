@@ -23,9 +23,9 @@ from basenet_jax.planners.candidates import within_reach
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.reading import load_robot
 from basenet_jax.task.picking import Pick, pick
+from basenet_jax.world.boxes import Room
 from basenet_jax.world.clearance import base_collides
 from basenet_jax.world.generate import draw_problem
-from basenet_jax.world.scene import Table
 from benchmarks.harness import Options, Report, parse, speed_table
 from benchmarks.pairs import RADIUS_M, Pairs
 from benchmarks.timing import measure, speed
@@ -55,16 +55,16 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     report = Report(NAME, options, arguments)
     robot: Robot = jax.device_put(load_robot(options.robot))
     world = WorldConfig()
-    table = Table.from_config(world.table)
-    pairs = _draw_pairs(robot, table, options.batch, options.seed, world)
+    room = Room.from_config(world.table)
+    pairs = _draw_pairs(robot, room, options.batch, options.seed, world)
     base_pose, grasp = (jax.device_put(part) for part in pairs)
 
     def evaluate(base_pose: Array, grasp: Array) -> Pick:
-        return pick(robot, base_pose, grasp, table, world.pick)
+        return pick(robot, base_pose, grasp, room, world.pick)
 
     timing = measure(evaluate, [(base_pose, grasp)], repeats=options.repeats)
     found = np.asarray(jax.jit(evaluate)(base_pose, grasp).feasible)
-    restarts, by_restarts = _random_restarts(robot, table, base_pose, grasp, world.pick, options)
+    restarts, by_restarts = _random_restarts(robot, room, base_pose, grasp, world.pick, options)
     either = found | by_restarts
     facts = {
         "robot": robot.name,
@@ -84,13 +84,13 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     )
 
 
-def _draw_pairs(robot: Robot, table: Table, count: int, seed: int, world: WorldConfig) -> Pairs:
+def _draw_pairs(robot: Robot, room: Room, count: int, seed: int, world: WorldConfig) -> Pairs:
     """Grasps of the five classes, and base poses about them that are clear of the table and not plainly too far."""
     rng = np.random.default_rng(seed)
-    draw = jax.jit(jax.vmap(lambda key: draw_problem(key, robot, table, config=world.scene)[0]))
+    draw = jax.jit(jax.vmap(lambda key: draw_problem(key, robot, room, config=world.scene)[0]))
     usable = jax.jit(
         lambda pose, grasp: (
-            ~base_collides(robot, pose, table, world.pick.base_clearance_m, world.pick.touching_m)
+            ~base_collides(robot, pose, room, world.pick.base_clearance_m, world.pick.touching_m)
             & within_reach(robot, pose, grasp)
         )
     )
@@ -107,7 +107,7 @@ def _draw_pairs(robot: Robot, table: Table, count: int, seed: int, world: WorldC
 
 
 def _random_restarts(
-    robot: Robot, table: Table, base_pose: Array, grasp: Array, config: PickConfig, options: AnyRobotOptions
+    robot: Robot, room: Room, base_pose: Array, grasp: Array, config: PickConfig, options: AnyRobotOptions
 ) -> tuple[int, np.ndarray]:
     """How many rounds of restarts there were, and which pairs were feasible in one of them."""
     seeds = 16  # of each pair in a round
@@ -123,7 +123,7 @@ def _random_restarts(
     def restart(key: Array) -> Array:
         lower, upper = jnp.asarray(robot.joint_lower), jnp.asarray(robot.joint_upper)
         joints = lower + jax.random.uniform(key, (seeds, robot.dof)) * (upper - lower)
-        return pick(robot, base_pose, grasp, table, config, seeds=joints).feasible
+        return pick(robot, base_pose, grasp, room, config, seeds=joints).feasible
 
     key = jax.random.key(options.seed)
     found = np.array(restart(key))

@@ -28,9 +28,9 @@ from jaxtyping import Bool, Float
 from basenet_jax.config import PickConfig, WorldConfig
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.reading import load_robot
+from basenet_jax.world.boxes import Room
 from basenet_jax.world.clearance import arm_collides, base_collides
 from basenet_jax.world.mujoco_scene import build_model, state_addresses
-from basenet_jax.world.scene import Table
 from benchmarks.harness import Options, Report, parse, speed_table
 from benchmarks.pairs import draw_populations
 from benchmarks.scaling_picture import draw_scaling, rate_points
@@ -52,15 +52,15 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     arguments = sys.argv[1:] if arguments is None else arguments
     options = parse(Options, NAME, __doc__, arguments)
     report = Report(NAME, options, arguments)
-    robot, table = load_robot(), Table.from_config(WorldConfig().table)
+    robot, room = load_robot(), Room.from_config(WorldConfig().table)
     batches = QUICK_BATCHES if options.quick else BATCHES
     in_loop, by_mjx = (QUICK_IN_A_LOOP, QUICK_BY_MJX) if options.quick else (IN_A_LOOP, BY_MJX)
     states = draw_states(robot, max(*batches, in_loop), options.seed)
-    verdicts = mujoco_checks(robot, table)(states[:in_loop])
-    kernels = [_kernels(robot, table, states, batch, verdicts, options.repeats) for batch in batches]
+    verdicts = mujoco_checks(robot, room)(states[:in_loop])
+    kernels = [_kernels(robot, room, states, batch, verdicts, options.repeats) for batch in batches]
     others = [
-        *_mujoco(robot, table, states[:in_loop], verdicts, options.repeats),
-        _mjx(robot, table, states[:by_mjx], verdicts, options.repeats),
+        *_mujoco(robot, room, states[:in_loop], verdicts, options.repeats),
+        _mjx(robot, room, states[:by_mjx], verdicts, options.repeats),
     ]
     results = [*kernels, *others]
     return report.finish(
@@ -83,21 +83,21 @@ def draw_states(robot: Robot, count: int, seed: int) -> States:
     return np.concatenate([draw_populations(robot, seed, count).clear.base_pose, joints], axis=1)
 
 
-def kernel_checks(robot: Robot, table: Table) -> Callable[[Array], Array]:
+def kernel_checks(robot: Robot, room: Room) -> Callable[[Array], Array]:
     """Our kernels, as a function to be jitted."""
     config = PickConfig()
 
     def touches(states: Array) -> Array:
         base_pose, joints = states[:, :3], states[:, 3:]
-        base = base_collides(robot, base_pose, table, config.base_clearance_m, config.touching_m)
-        return base | arm_collides(robot, base_pose, joints, table)
+        base = base_collides(robot, base_pose, room, config.base_clearance_m, config.touching_m)
+        return base | arm_collides(robot, base_pose, joints, room)
 
     return touches
 
 
-def mujoco_checks(robot: Robot, table: Table) -> Touches:
+def mujoco_checks(robot: Robot, room: Room) -> Touches:
     """MuJoCo in C, one state after another; makes data of its own."""
-    model = build_model(robot, table)
+    model = build_model(robot, room)
     data, addresses = mujoco.MjData(model), state_addresses(robot, model)
 
     def touches(states: States) -> Bool[np.ndarray, " B"]:
@@ -115,11 +115,11 @@ def mujoco_checks(robot: Robot, table: Table) -> Touches:
     return touches
 
 
-def mjx_checks(robot: Robot, table: Table) -> Callable[[Array], Array]:
+def mjx_checks(robot: Robot, room: Room) -> Callable[[Array], Array]:
     """MJX, as a function to be jitted."""
     from basenet_jax.world.mjx import MjxScene  # slow to import
 
-    scene = MjxScene.create(robot, table, slots=0)
+    scene = MjxScene.create(robot, room, slots=0)
 
     def touches(state: Array) -> Array:
         data = scene.move(scene.blank, state[:3], state[3:])
@@ -128,24 +128,24 @@ def mjx_checks(robot: Robot, table: Table) -> Callable[[Array], Array]:
     return jax.vmap(touches)
 
 
-def _kernels(robot: Robot, table: Table, states: States, batch: int, verdicts: np.ndarray, repeats: int) -> Row:
+def _kernels(robot: Robot, room: Room, states: States, batch: int, verdicts: np.ndarray, repeats: int) -> Row:
     """Small batches are called several times in a run, with other states each time."""
-    check, calls = kernel_checks(robot, table), max(1, min(MOST_CALLS, len(states) // batch))
+    check, calls = kernel_checks(robot, room), max(1, min(MOST_CALLS, len(states) // batch))
     parts = [jnp.asarray(states[i * batch : (i + 1) * batch]) for i in range(calls)]
     timing = measure(check, [(part,) for part in parts], repeats=repeats)
     return _row("kernels", timing, np.concatenate([jax.jit(check)(part) for part in parts]), verdicts, batch=batch)
 
 
-def _mjx(robot: Robot, table: Table, states: States, verdicts: np.ndarray, repeats: int) -> Row:
-    check, batch = mjx_checks(robot, table), jnp.asarray(states)
+def _mjx(robot: Robot, room: Room, states: States, verdicts: np.ndarray, repeats: int) -> Row:
+    check, batch = mjx_checks(robot, room), jnp.asarray(states)
     return _row("MJX", measure(check, [(batch,)], repeats=repeats), np.asarray(jax.jit(check)(batch)), verdicts)
 
 
-def _mujoco(robot: Robot, table: Table, states: States, verdicts: np.ndarray, repeats: int) -> list[Row]:
-    check, threads = mujoco_checks(robot, table), os.cpu_count() or 1
+def _mujoco(robot: Robot, room: Room, states: States, verdicts: np.ndarray, repeats: int) -> list[Row]:
+    check, threads = mujoco_checks(robot, room), os.cpu_count() or 1
     one = measure_plain(lambda: check(states), repeats=repeats)
     rows = [_row("MuJoCo C, 1 core", one, check(states), verdicts)]
-    parts, checks = np.array_split(states, threads), [mujoco_checks(robot, table) for _ in range(threads)]
+    parts, checks = np.array_split(states, threads), [mujoco_checks(robot, room) for _ in range(threads)]
     with ThreadPoolExecutor(threads) as pool:
 
         def check_all() -> np.ndarray:

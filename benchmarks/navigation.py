@@ -16,8 +16,8 @@ from basenet_jax.config import WorldConfig
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.reading import load_robot
 from basenet_jax.task.navigation import navigation_time
+from basenet_jax.world.boxes import Room
 from basenet_jax.world.generate import draw_problem
-from basenet_jax.world.scene import Table
 from benchmarks.harness import Options, Report, parse, speed_table
 from benchmarks.timing import measure, speed
 
@@ -44,17 +44,17 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
 
 def _draw_poses(key: Array, robot: Robot, count: int) -> Array:
     world = WorldConfig()
-    table = Table.from_config(world.table)
-    draw = jax.jit(jax.vmap(lambda key: draw_problem(key, robot, table, config=world.scene)[1]))
+    room = Room.from_config(world.table)
+    draw = jax.jit(jax.vmap(lambda key: draw_problem(key, robot, room, config=world.scene)[1]))
     return draw(jax.random.split(key, count))
 
 
 def _measure(robot: Robot, what: str, start: Array, goal: Array, repeats: int) -> dict[str, Any]:
     world = WorldConfig()
-    table = Table.from_config(world.table)
+    room = Room.from_config(world.table)
 
     def drive(start: Array, goal: Array) -> Array:
-        return navigation_time(robot, start, goal, table, world.navigation)
+        return navigation_time(robot, start, goal, room, world.navigation)
 
     timing = measure(drive, [(start, goal)], repeats=repeats)
     times = np.asarray(jax.jit(drive)(start, goal))

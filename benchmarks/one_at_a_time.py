@@ -19,8 +19,8 @@ from basenet_jax.robot.kinematics import reach_sphere
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.arm_solutions import heights, turns
 from basenet_jax.task.picking import checked_fractions
+from basenet_jax.world.boxes import Room
 from basenet_jax.world.mujoco_scene import MujocoChecker
-from basenet_jax.world.scene import Table
 from benchmarks.peer_arms import eaik_arm
 
 Joints = Float[np.ndarray, "6"]
@@ -41,9 +41,9 @@ class OneAtATime:
         ModuleNotFoundError: EAIK isn't installed.
     """
 
-    def __init__(self, robot: Robot, table: Table, config: PickConfig = PickConfig(), *, sphere: bool = True):
+    def __init__(self, robot: Robot, room: Room, config: PickConfig = PickConfig(), *, sphere: bool = True):
         """Makes EAIK's robot and MuJoCo's model."""
-        self._arm, self._checker, self._config = eaik_arm(robot), MujocoChecker(robot, table, config), config
+        self._arm, self._checker, self._config = eaik_arm(robot), MujocoChecker(robot, room, config), config
         self._robot = dataclasses.replace(
             robot, **{name: np.asarray(getattr(robot, name)) for name in ("home", "stow", "joint_lower", "joint_upper")}
         )

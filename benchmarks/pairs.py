@@ -11,8 +11,8 @@ from basenet_jax.config import WorldConfig
 from basenet_jax.learning.config import SacConfig
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.picking import Reason, pick
+from basenet_jax.world.boxes import Room
 from basenet_jax.world.generate import draw_problem
-from basenet_jax.world.scene import Table
 
 RADIUS_M = 1.2  # base poses are drawn this near to the grasp
 _DRAWN_AT_ONCE = 16_384
@@ -40,17 +40,17 @@ def draw_populations(robot: Robot, seed: int, count: int, world: WorldConfig = W
     Grasps are the training's of the base-pose policy; base poses are uniform in the disc of `RADIUS_M` about the
     grasp, with any heading.
     """
-    table = Table.from_config(world.table)
+    room = Room.from_config(world.table)
 
     @jax.jit
     def draw(key: Array) -> tuple[Array, Array, Array]:
         keys = jax.random.split(key, min(_DRAWN_AT_ONCE, 4 * count) + 1)
         share = SacConfig().own_class_share
-        grasp, _ = jax.vmap(lambda key: draw_problem(key, robot, table, own_class_share=share, config=world.scene))(
+        grasp, _ = jax.vmap(lambda key: draw_problem(key, robot, room, own_class_share=share, config=world.scene))(
             keys[1:]
         )
         base_pose = _around(keys[0], grasp)
-        return base_pose, grasp, pick(robot, base_pose, grasp, table, world.pick).reason
+        return base_pose, grasp, pick(robot, base_pose, grasp, room, world.pick).reason
 
     clear, feasible, drawn, rounds = [], [], 0, 0
     while sum(map(len, feasible)) < count or sum(map(len, clear)) < count:

@@ -34,7 +34,7 @@ Evaluate = Callable[[Scene], tuple[float, float, float]]
 def make_schemes(setup: PlannerSetup, grid: GridConfig) -> dict[str, Evaluate]:
     """What is compared, by name; exact planning comes first."""
     robot, world, weights = setup.robot, setup.world, load_policies()
-    poses = jnp.asarray(grid_poses(robot, setup.table, grid, world.pick))
+    poses = jnp.asarray(grid_poses(robot, setup.room, grid, world.pick))
 
     def judged(scene: Scene, plan: Plan) -> tuple[float, float, float]:
         outcome = jax.device_get(compiled_execute(robot, scene, plan, config=world))
@@ -69,7 +69,7 @@ def _plan_by_reward(
     grasping = jnp.where(candidates.serves, reward.grasping / (1.0 + candidates.pick_time), -jnp.inf)
 
     def choose(pose: Array, remaining: Array) -> tuple[Array, Array]:
-        drive = navigation_time(robot, pose, candidates.base_pose, scene.table, world.navigation)
+        drive = navigation_time(robot, pose, candidates.base_pose, scene.room, world.navigation)
         worth = jnp.where(remaining, grasping + (reward.navigation / (1.0 + drive))[:, None], -jnp.inf)
         slot = learned(pose, remaining) if order == "learned" else jnp.argmax(jnp.max(worth, axis=0))
         return slot, candidates.base_pose[jnp.argmax(worth[:, slot])]
@@ -83,7 +83,7 @@ def _plan_staying(robot: Robot, weights: Weights, scene: Scene, world: WorldConf
     learned = _learned_order(weights, scene)
 
     def choose(pose: Array, remaining: Array) -> tuple[Array, Array]:
-        picks = pick(robot, pose, scene.grasps, scene.table, world.pick)
+        picks = pick(robot, pose, scene.grasps, scene.room, world.pick)
         here = picks.feasible & remaining
         fastest = jnp.argmin(jnp.where(here, picks.time, jnp.inf))
         slot = jnp.where(jnp.any(here), fastest, learned(pose, remaining))

@@ -22,7 +22,8 @@ from basenet_jax.plots.comparison import PlannedScene, plot_comparison
 from basenet_jax.plots.drawing import BASE, CLASS_COLORS, PATH, REACH, rectangle, to_world
 from basenet_jax.task.motion import Doing, plan_motion
 from basenet_jax.task.navigation import navigation_path
-from basenet_jax.world.scene import Scene, Table
+from basenet_jax.world.boxes import Room
+from basenet_jax.world.scene import Scene
 
 DOTS_PER_INCH = 110
 _GOOD, _BAD = "#009E73", "#B00020"
@@ -70,7 +71,7 @@ def reach(robot: bn.Robot, scene: Scene, pose: np.ndarray) -> Figure:
     if within := arm_reach(robot, float(np.min(np.asarray(scene.grasps)[:, 2]))):
         axes.add_patch(Circle(tuple(mount), within[1], fc=REACH, alpha=0.12, ec="none", zorder=1.5))
     axes.plot(*mount, "o", color=BASE, ms=5, zorder=7)
-    picks = jax.jit(bn.pick)(robot, np.tile(pose, (len(scene.mask), 1)), scene.grasps, scene.table)
+    picks = jax.jit(bn.pick)(robot, np.tile(pose, (len(scene.mask), 1)), scene.grasps, scene.room)
     for slot, feasible in enumerate(np.asarray(picks.feasible)):
         x, y = scene.object_pose[slot][:2].tolist()
         if feasible:
@@ -92,7 +93,7 @@ def reach(robot: bn.Robot, scene: Scene, pose: np.ndarray) -> Figure:
 
 def base_poses(robot: bn.Robot, scene: Scene, slot: int = 0) -> Figure:
     """Where the base can park for one object, and how long the pick takes from there, at the best heading."""
-    poses = grid_poses(robot, scene.table, GridConfig(step_m=0.05))
+    poses = grid_poses(robot, scene.room, GridConfig(step_m=0.05))
     found = jax.device_get(check_candidates(robot, scene, poses))
     time = np.where(found.serves[:, slot], found.pick_time[:, slot], np.inf)
     best: dict[tuple[float, float], float] = {}
@@ -112,15 +113,15 @@ def drives(robot: bn.Robot, scene: Scene, goal: np.ndarray) -> Figure:
     x, y = np.meshgrid(np.arange(-2.6, 3.11, 0.05), np.arange(-1.8, 1.81, 0.05))
     headings = np.linspace(-np.pi, np.pi, 16, endpoint=False)
     goals = np.stack(np.broadcast_arrays(x[..., None], y[..., None], headings), axis=-1).astype(np.float32)
-    time = np.min(jax.jit(bn.navigation_time)(robot, start, goals, scene.table), axis=-1)
+    time = np.min(jax.jit(bn.navigation_time)(robot, start, goals, scene.room), axis=-1)
     figure, axes = _from_above(scene)
     picture = axes.contourf(x, y, np.where(np.isfinite(time), time, np.nan), levels=16, cmap="viridis_r", zorder=0.5)
     figure.colorbar(picture, ax=axes, label="navigation time at the best heading (s)", shrink=0.8)
     _base(axes, robot, start)
     _base(axes, robot, goal)
-    path = navigation_path(robot, start, goal, scene.table)
+    path = navigation_path(robot, start, goal, scene.room)
     axes.plot(*path.T, color="white", lw=2, ls=(0, (5, 2)), zorder=4)
-    took = float(bn.navigation_time(robot, jnp.asarray(start), jnp.asarray(goal), scene.table))
+    took = float(bn.navigation_time(robot, jnp.asarray(start), jnp.asarray(goal), scene.room))
     axes.set_title(f"A drive: turn, drive round the table, turn; this one takes {took:.1f} s")
     return figure
 
@@ -167,8 +168,8 @@ def _from_above(scene: Scene, only: int | None = None) -> tuple[Figure, Axes]:
     """Table and objects."""
     figure = Figure(figsize=(9.0, 5.6), layout="constrained")
     axes = figure.subplots()
-    table: Table = scene.table
-    axes.add_patch(Polygon(rectangle((0.0, 0.0, 0.0), table.half_size), fc="#EFE6D8", ec="#8A7A60", zorder=1))
+    room: Room = scene.room
+    axes.add_patch(Polygon(rectangle((0.0, 0.0, 0.0), room.table_half_size), fc="#EFE6D8", ec="#8A7A60", zorder=1))
     for slot in np.flatnonzero(scene.mask) if only is None else [only]:
         outline = rectangle(scene.object_pose[slot], scene.object_size[slot][:2] / 2)
         axes.add_patch(Polygon(outline, fc=CLASS_COLORS[int(scene.object_class[slot])], ec="black", lw=0.8, zorder=3))

@@ -17,8 +17,9 @@ from basenet_jax.learning._brax import State
 from basenet_jax.learning.base_pose_env import BasePoseEnv
 from basenet_jax.policies.base_pose import ACTION_SIZE
 from basenet_jax.robot.reading import load_robot
+from basenet_jax.world.boxes import Room
 from basenet_jax.world.generate import draw_scene
-from basenet_jax.world.scene import Scene, Table
+from basenet_jax.world.scene import Scene
 from benchmarks.harness import Options, Report, parse, speed_table
 from benchmarks.scaling_picture import draw_scaling, rate_points
 from benchmarks.timing import measure, speed
@@ -58,8 +59,8 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
 
 def _draw_scenes(keys: Array) -> Scene:
     world = WorldConfig()
-    table = Table.from_config(world.table)
-    return jax.vmap(lambda key: draw_scene(key, OBJECTS, table, slots=OBJECTS, config=world.scene)[0])(keys)
+    room = Room.from_config(world.table)
+    return jax.vmap(lambda key: draw_scene(key, OBJECTS, room, slots=OBJECTS, config=world.scene)[0])(keys)
 
 
 def _row(

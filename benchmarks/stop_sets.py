@@ -84,11 +84,11 @@ def _planners(setup: PlannerSetup) -> dict[str, tuple[Planner, int]]:
 
 
 def _grid(setup: PlannerSetup, step_m: float, turns: int) -> Poses:
-    return grid_poses(setup.robot, setup.table, GridConfig(step_m=step_m, turns=turns), setup.world.pick)
+    return grid_poses(setup.robot, setup.room, GridConfig(step_m=step_m, turns=turns), setup.world.pick)
 
 
 def _in_line(setup: PlannerSetup, step_m: float, gap_m: float = AlignedConfig().gap_m) -> Poses:
-    return aligned_poses(setup.robot, setup.table, AlignedConfig(step_m=step_m, gap_m=gap_m), setup.world.pick)
+    return aligned_poses(setup.robot, setup.room, AlignedConfig(step_m=step_m, gap_m=gap_m), setup.world.pick)
 
 
 def _exactly(setup: PlannerSetup, poses: Poses) -> Planner:

@@ -156,7 +156,7 @@ def _free_drag(scene: NamedScene, camera, number: int) -> tuple[np.ndarray, np.n
     for slot, angle in itertools.product(np.roll(range(count), -number), np.arange(8) * np.pi / 4 + number):
         name, pose = scene.names[slot], np.asarray(arrays.object_pose[slot], float)
         move = _STEP_M * np.array([np.cos(angle), np.sin(angle), 0.0])
-        top = np.array([*pose[:2], arrays.table.height + arrays.object_size[slot, 2]])
+        top = np.array([*pose[:2], arrays.room.table_height + arrays.object_size[slot, 2]])
         seen, _ = hit(scene, camera.position, top - [0.0, 0.0, 0.002] - camera.position)
         if seen != Target(name):
             continue

@@ -25,7 +25,8 @@ from basenet_jax.task import plan as judge
 from basenet_jax.task.picking import Pick, Reason
 from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.world import clearance, generate
-from basenet_jax.world.scene import Scene, Table
+from basenet_jax.world.boxes import Room
+from basenet_jax.world.scene import BY_SLOT, Scene
 
 SLOTS, BATCH = 6, 4
 ROWS = 256  # of picks, poses and states of the arm
@@ -70,10 +71,10 @@ def _flat(*arrays: ArrayLike) -> tuple[tuple[int, ...], list[np.ndarray]]:
     return batch, [np.broadcast_to(x, (*batch, np.shape(x)[-1])).reshape(-1, np.shape(x)[-1]) for x in arrays]
 
 
-def _tables(table: Table, batch: tuple[int, ...]) -> Table:
+def _tables(room: Room, batch: tuple[int, ...]) -> Room:
     """One for each row."""
-    half_size = np.broadcast_to(table.half_size, (*batch, 2)).reshape(-1, 2)
-    return Table(half_size, np.broadcast_to(table.height, batch).ravel())  # pyright: ignore[reportArgumentType]
+    own = room.boxes.low.ndim - 1
+    return jax.tree.map(lambda x: np.broadcast_to(x, (*batch, *x.shape[own:])).reshape(-1, *x.shape[own:]), room)
 
 
 def _shaped(tree: Any, batch: tuple[int, ...]) -> Any:
@@ -84,40 +85,38 @@ def pick(
     robot: Robot,
     base_pose: ArrayLike,
     grasp: ArrayLike,
-    table: Table,
+    room: Room,
     config: PickConfig = PickConfig(),
     **more: Any,
 ) -> Pick:
     """`picking.pick` of any batch."""
     batch, rows = _flat(base_pose, grasp)
     call = functools.partial(_pick, jax.device_get(robot), config=config, **more)
-    return _shaped(by_rows(call, *rows, _tables(table, batch)), batch)
+    return _shaped(by_rows(call, *rows, _tables(room, batch)), batch)
 
 
 def navigation_time(
-    robot: Robot, start: ArrayLike, goal: ArrayLike, table: Table, config: NavigationConfig = NavigationConfig()
+    robot: Robot, start: ArrayLike, goal: ArrayLike, room: Room, config: NavigationConfig = NavigationConfig()
 ) -> np.ndarray:
     """`navigation.navigation_time` of any batch."""
     batch, rows = _flat(start, goal)
     call = functools.partial(_navigation_time, jax.device_get(robot), config=config)
-    return _shaped(by_rows(call, *rows, _tables(table, batch), size=PAIRS), batch)
+    return _shaped(by_rows(call, *rows, _tables(room, batch), size=PAIRS), batch)
 
 
-def base_collides(robot: Robot, base_pose: ArrayLike, table: Table) -> np.ndarray:
+def base_collides(robot: Robot, base_pose: ArrayLike, room: Room) -> np.ndarray:
     """`clearance.base_collides` of any batch."""
     batch, rows = _flat(base_pose)
     return _shaped(
-        by_rows(functools.partial(_base_collides, jax.device_get(robot)), *rows, _tables(table, batch), size=PAIRS),
+        by_rows(functools.partial(_base_collides, jax.device_get(robot)), *rows, _tables(room, batch), size=PAIRS),
         batch,
     )
 
 
-def arm_collides(robot: Robot, base_pose: ArrayLike, joints: ArrayLike, table: Table) -> np.ndarray:
+def arm_collides(robot: Robot, base_pose: ArrayLike, joints: ArrayLike, room: Room) -> np.ndarray:
     """`clearance.arm_collides` of any batch."""
     batch, rows = _flat(base_pose, joints)
-    return _shaped(
-        by_rows(functools.partial(_arm_collides, jax.device_get(robot)), *rows, _tables(table, batch)), batch
-    )
+    return _shaped(by_rows(functools.partial(_arm_collides, jax.device_get(robot)), *rows, _tables(room, batch)), batch)
 
 
 def forward_kinematics(robot: Robot, joints: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
@@ -142,10 +141,10 @@ def with_slots(scene: Scene, slots: int) -> Scene:
     scene = jax.device_get(scene)
     assert not np.any(scene.mask[..., slots:]), "slots in use can't be left out"
     which = np.minimum(np.arange(slots), scene.mask.shape[-1] - 1)
-    names = ("object_pose", "object_size", "object_grasp")
-    fields = {name: np.asarray(getattr(scene, name))[..., which, :] for name in names}
+    axis = scene.mask.ndim - 1
+    fields = {name: np.take(getattr(scene, name), which, axis) for name in BY_SLOT}
     used = scene.mask[..., which] & (np.arange(slots) < scene.mask.shape[-1])
-    return dataclasses.replace(scene, **fields, object_class=scene.object_class[..., which], mask=used)
+    return dataclasses.replace(scene, **fields | {"mask": used})
 
 
 def _with_steps(plan: Plan, slots: int) -> Plan:
@@ -159,9 +158,9 @@ def _with_steps(plan: Plan, slots: int) -> Plan:
     )
 
 
-def draw_scene(seed: int, count: int, table: Table, slots: int = SLOTS) -> Scene:
+def draw_scene(seed: int, count: int, room: Room, slots: int = SLOTS) -> Scene:
     """A random scene of so many objects in so many slots, on the host; drawn in `SLOTS` where they are enough."""
-    scene, placed = jax.device_get(_draw_scene(jax.random.key(seed), count, table, slots=max(SLOTS, count)))
+    scene, placed = jax.device_get(_draw_scene(jax.random.key(seed), count, room, slots=max(SLOTS, count)))
     assert placed
     return with_slots(scene, slots)
 

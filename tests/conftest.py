@@ -8,7 +8,7 @@ import jax
 import pytest
 
 from basenet_jax.robot.reading import load_robot
-from basenet_jax.world.scene import Table
+from basenet_jax.world.boxes import Room
 
 pytest_plugins = ["tests.compilations"]
 
@@ -23,8 +23,8 @@ def robot():
 
 
 @pytest.fixture(scope="session")
-def table():
-    return Table.from_config()
+def room():
+    return Room.from_config()
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -9,7 +9,8 @@ import numpy as np
 
 from basenet_jax.robot.reading import load_robot
 from basenet_jax.task.plan import Outcome, Plan
-from basenet_jax.world.scene import Scene, Table
+from basenet_jax.world.boxes import Room
+from basenet_jax.world.scene import Scene
 from tests import compiled
 
 GOOD = np.array([0.35, -0.9, 0.05], np.float32)  # every object can be picked from here
@@ -18,15 +19,16 @@ GOOD = np.array([0.35, -0.9, 0.05], np.float32)  # every object can be picked fr
 def scenes() -> Scene:
     """A batch of three scenes of two mugs, which differ a little."""
     pose = jnp.array([[0.1, -0.25, 0.3], [0.4, -0.25, 0.8]])
-    table = Table.from_config()
+    room = Room.from_config()
     return Scene(
         object_pose=jnp.stack([pose, pose + jnp.array([0.0, 0.03, 0.0]), pose + jnp.array([0.05, 0.0, 0.1])]),
         object_size=jnp.tile(jnp.array([0.08, 0.08, 0.082]), (3, 2, 1)),
         object_grasp=jnp.tile(jnp.array([-0.06, 0.30, 0.0]), (3, 2, 1)),
         object_class=jnp.full((3, 2), 3),
         mask=jnp.ones((3, 2), bool),
+        surface_height=jnp.full((3, 2), 0.75),
         robot_start=jnp.tile(jnp.array([2.6, -0.5, 1.0]), (3, 1)),
-        table=jax.tree.map(lambda x: jnp.stack([x] * 3), table),
+        room=jax.tree.map(lambda x: jnp.stack([x] * 3), room),
     )
 
 

@@ -73,12 +73,12 @@ def test_planners_are_made_once_for_a_robot_table_and_weights(asked, scene, tmp_
         bn.make_plan(scene.arrays, planner="dp")
     assert [name for name, *_ in asked] == ["dp"]
     setup = asked[0][1]
-    np.testing.assert_array_equal(setup.table.half_size, scene.arrays.table.half_size)
+    np.testing.assert_array_equal(setup.room.table_half_size, scene.arrays.room.table_half_size)
     bn.make_plan(scene, planner="pbg")
-    low = scene.arrays.replace(table=scene.arrays.table.replace(height=np.float32(0.6)))
+    low = scene.arrays.replace(room=bn.Room.of_table(scene.arrays.room.table_half_size, np.float32(0.6)))
     bn.make_plan(low, planner="dp")
     assert len(asked) == 3
-    assert float(asked[2][1].table.height) == np.float32(0.6)
+    assert float(asked[2][1].room.table_height) == np.float32(0.6)
     weights = tmp_path / "a.weights"
     weights.write_bytes(b"1")
     for _ in range(2):
@@ -231,6 +231,6 @@ def test_scenes_are_drawn_on_the_worlds_table():
     world = bn.WorldConfig(table=TableConfig(length_m=1.0, height_m=0.6))
     one = bn.sample_scene(jax.random.key(1), objects=2, world=world).arrays
     many = bn.sample_scenes(jax.random.key(1), count=2, objects=2, world=world)
-    for each in (one.table, jax.tree.map(lambda x: x[1], many.table)):
-        np.testing.assert_allclose([*each.half_size, each.height], [0.5, 0.4, 0.6])
+    for each in (one.room, jax.tree.map(lambda x: x[1], many.room)):
+        np.testing.assert_allclose([*each.table_half_size, each.table_height], [0.5, 0.4, 0.6])
     assert float(np.max(np.abs(many.object_pose[..., 0]))) <= 0.42 + 1e-6

@@ -74,4 +74,4 @@ def test_what_is_no_batch_is_refused(scenes):
         bn.plan_batch(scene(scenes, 0))
     height = jnp.array([0.75, 0.75, 0.8])
     with pytest.raises(ValueError, match="several tables"):
-        bn.plan_batch(dataclasses.replace(scenes, table=dataclasses.replace(scenes.table, height=height)))
+        bn.plan_batch(dataclasses.replace(scenes, room=bn.Room.of_table(scenes.room.table_half_size, height)))

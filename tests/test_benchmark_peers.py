@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from basenet_jax.robot.reading import load_robot
-from basenet_jax.world.scene import Table
+from basenet_jax.world.boxes import Room
 from benchmarks import contacts, peer_arms, scaling_picture
 from tests.oracles import arm, picking
 
@@ -73,7 +73,7 @@ def test_one_pair_at_a_time_is_as_the_oracle_judges(robot, pairs):
     pytest.importorskip("eaik.IK_DH", reason="needs EAIK")
     from benchmarks.one_at_a_time import OneAtATime
 
-    costs = OneAtATime(robot, Table.from_config())
+    costs = OneAtATime(robot, Room.from_config())
     feasible = 0
     for base_pose, grasp in zip(*pairs, strict=True):
         lenient, strict = (picking.pick(base_pose, grasp, picking.World(slack=slack)) for slack in (1, -1))
@@ -88,11 +88,11 @@ def test_one_pair_at_a_time_is_as_the_oracle_judges(robot, pairs):
 
 
 def test_mujoco_and_the_kernels_check_the_same_states(robot, pairs, joints):
-    table = Table.from_config()
+    room = Room.from_config()
     states = np.concatenate([pairs[0], joints], axis=1)
-    expected = contacts.mujoco_checks(robot, table)(states)
+    expected = contacts.mujoco_checks(robot, room)(states)
     assert 0.1 < expected.mean() < 0.9
-    np.testing.assert_array_equal(contacts.kernel_checks(robot, table)(jnp.asarray(states)), expected)
+    np.testing.assert_array_equal(contacts.kernel_checks(robot, room)(jnp.asarray(states)), expected)
 
 
 def test_a_picture_of_scaling_has_every_series(tmp_path):

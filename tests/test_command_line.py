@@ -94,7 +94,7 @@ def test_random_scenes_stand_on_the_table_that_is_asked_for(capsys, folder):
     arguments = ["--out", "o", "--count", "1", "--objects", "3", "--world.table.length-m", "1.5"]
     assert call(capsys, generate, *arguments, "--world.scene.start-distance-m", "4", "4.5")[0] == 0
     scene = load_scene(folder / "o" / "scene-0000.yaml").arrays
-    assert float(2 * scene.table.half_size[0]) == 1.5
+    assert float(2 * scene.room.table_half_size[0]) == 1.5
     assert 4.0 <= float((scene.robot_start[:2] ** 2).sum() ** 0.5) <= 4.5
 
 

@@ -42,7 +42,7 @@ def test_the_example_planner_ends_where_no_drive_is_possible_and_plans_for_the_w
     grid = GridConfig(step_m=0.2, turns=4)
     scene = bn.sample_scene(jax.random.key(3), objects=4).arrays
     planner = example["NearestStop"](PlannerSetup(grid=grid))
-    monkeypatch.setattr(planner, "drive", lambda robot, start, goal, table, config: np.full(len(goal), np.inf))
+    monkeypatch.setattr(planner, "drive", lambda robot, start, goal, room, config: np.full(len(goal), np.inf))
     plan = planner(scene, jax.random.key(0))
     assert not np.any(plan.served)
     assert np.asarray(plan.reason).tolist() == [Reason.UNREACHABLE] * 4

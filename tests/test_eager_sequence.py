@@ -88,12 +88,12 @@ def test_drives_and_collisions_are_the_packages(learner, eager):
 
     random = np.random.default_rng(0)
     start, goal = (random.uniform((-2.5, -2.0, -np.pi), (2.5, 2.0, np.pi), (500, 3)).astype(np.float32) for _ in "ab")
-    expected = np.asarray(jax.jit(navigation_time)(learner.robot, start, goal, learner.table))
+    expected = np.asarray(jax.jit(navigation_time)(learner.robot, start, goal, learner.room))
     found = eager.drives.duration(torch.tensor(start), torch.tensor(goal)).numpy()
     np.testing.assert_array_equal(np.isfinite(found), np.isfinite(expected))
     assert 0.2 < np.isfinite(expected).mean() < 0.9
     np.testing.assert_allclose(found, expected, atol=SECONDS)
-    collides = np.asarray(base_collides(learner.robot, jnp.asarray(start), learner.table))
+    collides = np.asarray(base_collides(learner.robot, jnp.asarray(start), learner.room))
     np.testing.assert_array_equal(eager.drives.collides(torch.tensor(start)).numpy(), collides)
 
 

@@ -82,11 +82,11 @@ def _check(options: Check) -> int:
 
 def _draw(robot: "Robot", findings: "Findings", folder: Path) -> None:
     from basenet_jax.plots.robot import plot_robot, plot_service
-    from basenet_jax.world.scene import Table
+    from basenet_jax.world.boxes import Room
 
     served = findings.served
     title = f"{robot.name}: {100 * served.share:.1f} % of {len(findings.grasps)} random top-down grasps are served"
-    reach = plot_service(Table.from_config(), findings.grasps, served.served, served.base_pose, title)
+    reach = plot_service(Room.from_config(), findings.grasps, served.served, served.base_pose, title)
     for name, figure in (("frames", plot_robot(robot)), ("reach", reach)):
         path = folder / f"{robot.name}-{name}.png"
         figure.savefig(path, dpi=110)

@@ -20,7 +20,7 @@ from basenet_jax.evaluation.servable import Served, random_grasps
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.reading import Source
 from basenet_jax.task.picking import Reason
-from basenet_jax.world.scene import Table
+from basenet_jax.world.boxes import Room
 
 _POOR_IK = 0.9
 _MOST_TILT = 90.0  # degrees
@@ -42,7 +42,7 @@ def report(source: Source, grasps: int, seed: int) -> Findings:
         grasps: how many random ones to serve.
         seed: of everything random.
     """
-    console, robot, table = Console(), source.robot, Table.from_config()
+    console, robot, room = Console(), source.robot, Room.from_config()
     waiting = Console(stderr=True)
     console.print(_facts(source))
     faults = []
@@ -55,7 +55,7 @@ def report(source: Source, grasps: int, seed: int) -> Findings:
     if not difference.is_small:
         faults.append(f"kinematics differ from MuJoCo's by {worst}: this is a fault of basenet_jax, please report it")
     with waiting.status("checking home and stow ..."):
-        faults += rest_faults(robot, table)
+        faults += rest_faults(robot, room)
     tilt = tool_tilt_degrees(robot)
     console.print(f"at stow the tool's z is {tilt:.0f}° from straight down")
     if tilt > _MOST_TILT:
@@ -68,12 +68,12 @@ def report(source: Source, grasps: int, seed: int) -> Findings:
     if solved < _POOR_IK:
         console.print(f"  (below {100 * _POOR_IK:.0f} %: narrow joint limits, or links of very different lengths)")
     with waiting.status("looking for base poses (compiling first) ..."):
-        targets = random_grasps(robot, table, grasps, seed)
-        served, speed = check_service(jax.device_put(robot), targets, table)
+        targets = random_grasps(robot, room, grasps, seed)
+        served, speed = check_service(jax.device_put(robot), targets, room)
     _print_service(console, served, speed)
     if not served.served.any():
         with waiting.status("nothing is served: trying alternatives ..."):
-            faults += _causes(robot, targets, table, served)
+            faults += _causes(robot, targets, room, served)
     return Findings(faults, targets, served)
 
 
@@ -110,8 +110,8 @@ def _print_service(console: Console, served: Served, speed: float) -> None:
     console.print(f"{speed:,.0f} pick evaluations per second")
 
 
-def _causes(robot: Robot, grasps: np.ndarray, table: Table, served: Served) -> list[str]:
-    causes = find_causes(jax.device_put(robot), grasps, table)
+def _causes(robot: Robot, grasps: np.ndarray, room: Room, served: Served) -> list[str]:
+    causes = find_causes(jax.device_put(robot), grasps, room)
     if not causes:
         reason = Reason(int(np.bincount(served.farthest).argmax())).name.lower()
         return [f"serves nothing ({reason}); no other tool frame, mount height, limit or shape alone would help"]

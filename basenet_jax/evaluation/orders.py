@@ -14,8 +14,9 @@ from basenet_jax.policies.grasp_sequence import GraspSequencePolicy
 from basenet_jax.policies.pickup import PickupState, as_plan, choose_learned, choose_nearest, choose_random, rollout
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.plan import Plan, compiled_execute
+from basenet_jax.world.boxes import Room
 from basenet_jax.world.generate import draw_scene
-from basenet_jax.world.scene import Scene, Table
+from basenet_jax.world.scene import Scene
 
 EVALUATION_SEED = 2_000_003
 ORDERS = ("learned", "nearest", "random")
@@ -113,16 +114,16 @@ def random_scenes(
     Raises:
         ValueError: so many objects don't fit on the table.
     """
-    table = Table.from_config(world.table)
-    scenes, placed = _draw_scenes(jax.random.split(key, count), objects, table, slots or objects, world.scene)
+    room = Room.from_config(world.table)
+    scenes, placed = _draw_scenes(jax.random.split(key, count), objects, room, slots or objects, world.scene)
     if not bool(jnp.all(placed)):
         raise ValueError(f"objects: found {objects}, which don't fit on the table; allowed are fewer")
     return scenes
 
 
 @jax.jit(static_argnames=("slots", "config"))
-def _draw_scenes(keys: Array, objects: int, table: Table, slots: int, config: SceneConfig) -> tuple[Scene, Array]:
-    return jax.vmap(lambda key: draw_scene(key, objects, table, slots=slots, config=config))(keys)
+def _draw_scenes(keys: Array, objects: int, room: Room, slots: int, config: SceneConfig) -> tuple[Scene, Array]:
+    return jax.vmap(lambda key: draw_scene(key, objects, room, slots=slots, config=config))(keys)
 
 
 @jax.jit(static_argnames=("network", "world"))

@@ -2,7 +2,7 @@
 
 import contextlib
 import gc
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -20,7 +20,8 @@ from basenet_jax.planners.timed import TimedPlan, plan_timed
 from basenet_jax.progress import Reporter
 from basenet_jax.settings import Settings
 from basenet_jax.task.plan import Plan
-from basenet_jax.world.scene import Scene, Table
+from basenet_jax.world.boxes import Room, fingerprint
+from basenet_jax.world.scene import Scene
 
 MakePlanner = Callable[[PlannerSetup], Planner]
 
@@ -56,32 +57,32 @@ def choose_planners(options: Mapping[str, Settings | None]) -> dict[str, MakePla
 
 
 class Planners:
-    """A planner by its name for every table that scenes stand on, each made once.
+    """A planner by its name for every room that scenes are in, each made once.
 
     Args:
         factories: by name, what makes a planner.
-        setup: robot, world, grid and weights; its table is replaced by the scenes'.
+        setup: robot, world, grid and weights; its room is replaced by the scenes'.
     """
 
     def __init__(self, factories: dict[str, MakePlanner], setup: PlannerSetup):
         self.names = tuple(factories)
         self.setup = setup
         self._factories = factories
-        self._setups: dict[tuple[float, ...], PlannerSetup] = {}
-        self._planners: dict[tuple[str, tuple[float, ...]], Planner] = {}
+        self._setups: dict[Hashable, PlannerSetup] = {}
+        self._planners: dict[tuple[str, Hashable], Planner] = {}
 
-    def get(self, name: str, table: Table) -> Planner:
-        """The planner of a name for a concrete table.
+    def get(self, name: str, room: Room) -> Planner:
+        """The planner of a name for a concrete room.
 
         Raises:
             ValueError: its weights can't be used.
         """
-        size = (*np.asarray(table.half_size).tolist(), float(table.height))
-        if size not in self._setups:
-            self._setups[size] = self.setup.with_table(table)
-        if (name, size) not in self._planners:
-            self._planners[name, size] = self._factories[name](self._setups[size])
-        return self._planners[name, size]
+        key = fingerprint(room)
+        if key not in self._setups:
+            self._setups[key] = self.setup.with_room(room)
+        if (name, key) not in self._planners:
+            self._planners[name, key] = self._factories[name](self._setups[key])
+        return self._planners[name, key]
 
 
 def plan_all(
@@ -112,9 +113,9 @@ def plan_all(
         PlanningError: the planner refuses a scene; the message names the scene.
         RuntimeError: a plan doesn't have each object exactly once.
     """
-    key, planner = jax.random.key(seed), planners.get(name, scenes.scene(0).table)
+    key, planner = jax.random.key(seed), planners.get(name, scenes.scene(0).room)
     timed = len(scenes) if timed is None else min(timed, len(scenes))
-    together = planner if isinstance(planner, BatchPlanner) and scenes.on_one_table() and timed < len(scenes) else None
+    together = planner if isinstance(planner, BatchPlanner) and scenes.in_one_room() and timed < len(scenes) else None
     keys = jax.random.split(key, len(scenes))[: timed if together else None]
     reporter.start(f"{scenes.objects} objects, {name}", len(scenes), unit="scenes")
     try:
@@ -142,7 +143,7 @@ def _plan_alone(
     alone: list[TimedPlan] = []
     for index, key in enumerate(keys):
         scene = scenes.scene(index)
-        planner = planners.get(name, scene.table)
+        planner = planners.get(name, scene.room)
         jax.block_until_ready((scene, key))
         try:
             if index < timed:

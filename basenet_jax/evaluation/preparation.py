@@ -59,7 +59,7 @@ def prepare(request: Request, arguments: list[str]) -> tuple[Planners, list[Scen
     setup, sets, source = _scenes(request)
     planners = Planners(factories, setup)
     for name in planners.names:  # so that bad weights are refused before hours of work
-        planners.get(name, sets[0].scene(0).table)
+        planners.get(name, sets[0].scene(0).room)
     about = {
         "command": provenance.command("basenet_jax.evaluate", arguments),
         "scenes": source,

@@ -8,6 +8,7 @@ by other means; a pick that MuJoCo finds impossible is a disagreement, and count
 # (MuJoCo's compiled module comes without type stubs.)
 
 import dataclasses
+from collections.abc import Hashable
 
 import jax
 import mujoco
@@ -20,24 +21,25 @@ from basenet_jax.robot.robot_mjcf import TOOL_SITE
 from basenet_jax.task.arm_solutions import heights
 from basenet_jax.task.picking import Reason, checked_fractions
 from basenet_jax.task.plan import Outcome, Plan
+from basenet_jax.world.boxes import Room, fingerprint
 from basenet_jax.world.mujoco_scene import ROBOT, MujocoChecker, state_addresses
-from basenet_jax.world.scene import Scene, Table
+from basenet_jax.world.scene import Scene
 
 # tool0 at yaw 0 of a top-down grasp, Rx(pi): x along W's x, z down.
 _POINTING_DOWN = np.diag([1.0, -1.0, -1.0])
 
 
 class PickReplay:
-    """Replays picks on one table: rules 1, 4 and 2 as MuJoCo sees them.
+    """Replays picks in one room: rules 1, 4 and 2 as MuJoCo sees them.
 
     Args:
         robot: the robot.
-        table: one concrete table.
+        room: one concrete room.
         config: heights, clearances and tolerances of the pick cycle.
     """
 
-    def __init__(self, robot: Robot, table: Table, config: PickConfig = PickConfig()):
-        self._checker = MujocoChecker(robot, table, config)
+    def __init__(self, robot: Robot, room: Room, config: PickConfig = PickConfig()):
+        self._checker = MujocoChecker(robot, room, config)
         self._config = config
         self._home, self._stow = np.asarray(robot.home, float), np.asarray(robot.stow, float)
         self._addresses = state_addresses(robot, self._checker.model)
@@ -110,16 +112,16 @@ def replay(
     """
     scenes, plans, outcomes = jax.device_get((scenes, plans, outcomes))
     grasps = np.asarray(scenes.grasps)
-    replays: dict[tuple[float, ...], PickReplay] = {}
+    replays: dict[Hashable, PickReplay] = {}
     broken = np.full(outcomes.feasible.shape, Reason.NONE, np.int32)
     for row, step in np.argwhere(outcomes.feasible):
-        table = jax.tree.map(lambda x, row=row: x[row], scenes.table)
-        size = (*table.half_size.tolist(), float(table.height))
-        if size not in replays:
-            replays[size] = PickReplay(robot, table, config.pick)
+        room = jax.tree.map(lambda x, row=row: x[row], scenes.room)
+        key = fingerprint(room)
+        if key not in replays:
+            replays[key] = PickReplay(robot, room, config.pick)
         grasp = grasps[row, plans.object_index[row, step]]
         pose, joints = np.asarray(plans.base_pose[row, step]), np.asarray(outcomes.joints[row, step])
-        broken[row, step] = replays[size].broken_rule(pose, joints, grasp)
+        broken[row, step] = replays[key].broken_rule(pose, joints, grasp)
     return broken
 
 

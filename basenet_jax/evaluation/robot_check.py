@@ -25,7 +25,7 @@ from basenet_jax.robot.model_arm import find_frame
 from basenet_jax.robot.reading import Source
 from basenet_jax.robot.rest import check_body, check_tables
 from basenet_jax.task.arm_solutions import lattice
-from basenet_jax.world.scene import Table
+from basenet_jax.world.boxes import Room, surface_top
 
 LARGEST_DIFFERENCE = 1e-9  # m and 1: float64's rounding over an arm, with room
 _STATES = 200
@@ -92,10 +92,10 @@ def _solved(robot: Robot, joints: Float[Array, "N dof"]) -> Bool[Array, " N"]:
     return jnp.any(solve_ik(robot, position[:, None], rotation[:, None], seeds).converged, axis=1)
 
 
-def rest_faults(robot: Robot, table: Table, world: WorldConfig = WorldConfig()) -> list[str]:
-    """What home, stow and the move between them make the arm touch: the robot's body, or the table from some place."""
-    faults = []
-    for check in (lambda: check_body(robot, world.pick), lambda: check_tables(robot, float(table.height), world.pick)):
+def rest_faults(robot: Robot, room: Room, world: WorldConfig = WorldConfig()) -> list[str]:
+    """What home, stow and the move between them make the arm touch: the robot's body, or a surface from some place."""
+    faults, top = [], surface_top(room)
+    for check in (lambda: check_body(robot, world.pick), lambda: check_tables(robot, top, world.pick)):
         try:
             check()
         except DocumentError as error:
@@ -111,25 +111,25 @@ def tool_tilt_degrees(robot: Robot) -> float:
 
 
 def check_service(
-    robot: Robot, grasps: Float[np.ndarray, "N 4"], table: Table, world: WorldConfig = WorldConfig()
+    robot: Robot, grasps: Float[np.ndarray, "N 4"], room: Room, world: WorldConfig = WorldConfig()
 ) -> tuple[Served, float]:
     """What is served from stops in line with the table, and how many pick evaluations a second that took, warm."""
-    poses = aligned_poses(robot, table, pick=world.pick)
-    serve(robot, grasps[:1], poses[:1], table, world)  # compiles
-    served = serve(robot, grasps, poses, table, world)
+    poses = aligned_poses(robot, room, pick=world.pick)
+    serve(robot, grasps[:1], poses[:1], room, world)  # compiles
+    served = serve(robot, grasps, poses, room, world)
     return served, served.evaluations / served.evaluating_s
 
 
 def find_causes(
-    robot: Robot, grasps: Float[np.ndarray, "N 4"], table: Table, world: WorldConfig = WorldConfig()
+    robot: Robot, grasps: Float[np.ndarray, "N 4"], room: Room, world: WorldConfig = WorldConfig()
 ) -> list[Cause]:
     """Why a robot serves nothing: the single changes that make it serve something, the most helpful first.
 
     Each is tried on a few grasps and base poses, in the program that is compiled already.
     """
-    poses = aligned_poses(robot, table, pick=world.pick)[::_EVERY]
+    poses = aligned_poses(robot, room, pick=world.pick)[::_EVERY]
     tried = [
-        Cause(what, serve(changed, grasps[:_FEWER_GRASPS], poses, table, world).share)
+        Cause(what, serve(changed, grasps[:_FEWER_GRASPS], poses, room, world).share)
         for what, changed in _alternatives(robot)
     ]
     return sorted((cause for cause in tried if cause.share > 0), key=lambda cause: -cause.share)

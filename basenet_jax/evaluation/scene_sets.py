@@ -11,7 +11,7 @@ import jax.numpy as jnp
 
 from basenet_jax.config import WorldConfig
 from basenet_jax.evaluation.orders import random_scenes
-from basenet_jax.world.scene import NamedScene, Scene
+from basenet_jax.world.scene import BY_SLOT, NamedScene, Scene
 from basenet_jax.world.scene_file import load_scene
 
 SUFFIXES = (".yaml", ".yml", ".json")
@@ -32,9 +32,9 @@ class SceneSet:
     def __len__(self) -> int:
         return len(self.labels)
 
-    def on_one_table(self) -> bool:
-        """Whether all scenes have the same table."""
-        return all(bool(jnp.all(x == x[0])) for x in jax.tree.leaves(self.scenes.table))
+    def in_one_room(self) -> bool:
+        """Whether all scenes are in the same room."""
+        return all(bool(jnp.all(x == x[0])) for x in jax.tree.leaves(self.scenes.room))
 
     def scene(self, index: int) -> Scene:
         """One scene, unbatched."""
@@ -83,5 +83,4 @@ def _stack(group: Sequence[tuple[str, Scene]]) -> SceneSet:
 
 def _without_empty_slots(scene: NamedScene) -> Scene:
     count, arrays = len(scene.names), scene.arrays
-    slots = ("object_pose", "object_size", "object_grasp", "object_class", "mask")
-    return dataclasses.replace(arrays, **{name: getattr(arrays, name)[:count] for name in slots})
+    return dataclasses.replace(arrays, **{name: getattr(arrays, name)[:count] for name in BY_SLOT})

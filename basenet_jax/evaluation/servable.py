@@ -13,18 +13,18 @@ from basenet_jax.config import WorldConfig
 from basenet_jax.planners.candidates import within_reach
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.picking import Reason, pick
+from basenet_jax.world.boxes import Room
 from basenet_jax.world.generate import draw_problem
-from basenet_jax.world.scene import Table
 
 _PAIRS_AT_ONCE = 512  # of grasp and base pose
 
 
 def random_grasps(
-    robot: Robot, table: Table, count: int, seed: int, world: WorldConfig = WorldConfig()
+    robot: Robot, room: Room, count: int, seed: int, world: WorldConfig = WorldConfig()
 ) -> Float[np.ndarray, "N 4"]:
     """Top-down grasps of the five object classes anywhere on the table: tool0's x, y, z, yaw in W."""
     keys = jax.random.split(jax.random.key(seed), count)
-    draw = jax.jit(jax.vmap(lambda key: draw_problem(key, robot, table, config=world.scene)[0]))
+    draw = jax.jit(jax.vmap(lambda key: draw_problem(key, robot, room, config=world.scene)[0]))
     return np.asarray(draw(keys))
 
 
@@ -59,7 +59,7 @@ def serve(
     robot: Robot,
     grasps: Float[np.ndarray, "N 4"],
     base_poses: Float[np.ndarray, "K 3"],
-    table: Table,
+    room: Room,
     world: WorldConfig = WorldConfig(),
     *,
     seed: int = 0,
@@ -90,7 +90,7 @@ def serve(
         found.pairs, found.evaluations = found.pairs + len(pairs), found.evaluations + _PAIRS_AT_ONCE
         filled = np.resize(np.arange(len(pairs)), _PAIRS_AT_ONCE)  # one shape, one program
         begin = perf_counter()
-        picked = _pick(robot, base_poses[pose[filled]], grasps[grasp[filled]], table, world)
+        picked = _pick(robot, base_poses[pose[filled]], grasps[grasp[filled]], room, world)
         reason, time = (np.asarray(x)[: len(pairs)] for x in picked)
         found.evaluating_s += perf_counter() - begin
         np.maximum.at(found.farthest, grasp, reason)
@@ -101,7 +101,7 @@ def serve(
 
 @partial(jax.jit, static_argnames="world")
 def _pick(
-    robot: Robot, base_pose: Float[Array, "P 3"], grasp: Float[Array, "P 4"], table: Table, world: WorldConfig
+    robot: Robot, base_pose: Float[Array, "P 3"], grasp: Float[Array, "P 4"], room: Room, world: WorldConfig
 ) -> tuple[Array, Array]:
-    picks = pick(robot, jnp.asarray(base_pose), jnp.asarray(grasp), table, world.pick)
+    picks = pick(robot, jnp.asarray(base_pose), jnp.asarray(grasp), room, world.pick)
     return picks.reason, picks.time

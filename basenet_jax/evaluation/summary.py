@@ -13,7 +13,7 @@ from basenet_jax.learning.stop_learning import stop_network
 from basenet_jax.learning.training import Trained, Training
 from basenet_jax.planners.basenet import BaSeNet
 from basenet_jax.planners.protocol import PlannerSetup
-from basenet_jax.world.scene import Table
+from basenet_jax.world.boxes import Room
 
 _LABELS = {"nearest": "nearest first *", "random": "random order *"}
 
@@ -60,7 +60,7 @@ def _planner(training: Training, trained: Trained) -> BaSeNet | None:
     if trained.stops is None:
         return None
     world = training.config.world
-    setup = PlannerSetup(training.robot, Table.from_config(world.table), world)
+    setup = PlannerSetup(training.robot, Room.from_config(world.table), world)
     return BaSeNet(setup, policy=stop_network(training.config.stops), params=trained.stops)
 
 

@@ -16,9 +16,9 @@ from basenet_jax.policies.base_pose import ACTION_SIZE, OBSERVATION_SIZE, BaseFr
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.navigation import navigation_time
 from basenet_jax.task.picking import ArmCheck, Reason, pick
+from basenet_jax.world.boxes import Room
 from basenet_jax.world.clearance import base_collides, capsules_touch
 from basenet_jax.world.generate import draw_problem
-from basenet_jax.world.scene import Table
 
 _GUESSES = 64  # of which nearly always one makes sense
 
@@ -36,7 +36,7 @@ class Trial:
 
 def try_base_pose(
     robot: Robot,
-    table: Table,
+    room: Room,
     grasp: Float[Array, "*batch 4"],
     robot_pose: Float[Array, "*batch 3"],
     base_pose: Float[Array, "*batch 3"],
@@ -48,8 +48,8 @@ def try_base_pose(
 
     An unreachable base pose counts as a collision.
     """
-    picks = pick(robot, base_pose, grasp, table, world.pick, arm_check)
-    drive = navigation_time(robot, robot_pose, base_pose, table, world.navigation)
+    picks = pick(robot, base_pose, grasp, room, world.pick, arm_check)
+    drive = navigation_time(robot, robot_pose, base_pose, room, world.navigation)
     collision = (picks.reason == Reason.BASE_COLLIDES) | ~jnp.isfinite(drive)
     success = picks.feasible & ~collision
     drive = jnp.where(collision, 0.0, drive)
@@ -92,13 +92,13 @@ class BasePoseEnv(Env):
         self.robot, self.own_class_share = robot, own_class_share
         self.frame: BaseFrame = frame
         self.reward, self.world = reward, world
-        self.table = Table.from_config(world.table)
+        self.room = Room.from_config(world.table)
         self._backend, self.arm_check = backend, _arm_check(backend, robot, world)
 
     def reset(self, rng: Array) -> State:
         """A fresh problem: a grasp and where the robot is."""
         grasp, robot_pose = draw_problem(
-            rng, self.robot, self.table, own_class_share=self.own_class_share, config=self.world.scene
+            rng, self.robot, self.room, own_class_share=self.own_class_share, config=self.world.scene
         )
         zero = jnp.zeros(())
         metrics: dict[str, Array] = dict.fromkeys(("success", "collision", "navigation_time", "pick_time"), zero)
@@ -133,7 +133,7 @@ class BasePoseEnv(Env):
         actions = jax.random.uniform(key, (_GUESSES, *grasp.shape[:-1], ACTION_SIZE), minval=-1.0, maxval=1.0)
         base_pose = base_pose_from_action(actions, grasp, self.frame)
         pick = self.world.pick
-        clear = ~base_collides(self.robot, base_pose, self.table, pick.base_clearance_m, pick.touching_m)
+        clear = ~base_collides(self.robot, base_pose, self.room, pick.base_clearance_m, pick.touching_m)
         sensible = (clear & within_reach(self.robot, base_pose, grasp)).at[-1].set(True)
         first = jnp.argmax(sensible, axis=0)
         return jnp.take_along_axis(actions, first[None, ..., None], axis=0)[0]
@@ -142,7 +142,7 @@ class BasePoseEnv(Env):
         """What parking at a base pose comes to in an episode."""
         grasp, robot_pose = state.info["grasp"], state.info["robot_pose"]
         return try_base_pose(
-            self.robot, self.table, grasp, robot_pose, base_pose, self.reward, self.world, self.arm_check
+            self.robot, self.room, grasp, robot_pose, base_pose, self.reward, self.world, self.arm_check
         )
 
     @property

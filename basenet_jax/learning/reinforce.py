@@ -24,8 +24,9 @@ from basenet_jax.policies.base_pose import BasePosePolicy
 from basenet_jax.policies.grasp_sequence import GraspSequencePolicy
 from basenet_jax.policies.pickup import PickupStep, choose_learned, choose_nearest, episode_cost, rollout
 from basenet_jax.robot.model import Robot
+from basenet_jax.world.boxes import Room
 from basenet_jax.world.generate import draw_scene
-from basenet_jax.world.scene import Scene, Table
+from basenet_jax.world.scene import Scene
 
 Metrics = dict[str, Array]
 
@@ -67,7 +68,7 @@ class Reinforce:
         self.robot, self.base_pose, self.config, self.world = robot, base_pose, config, world
         self.devices = devices
         devices.check(config.batches)
-        self.table = Table.from_config(world.table)
+        self.room = Room.from_config(world.table)
         self.network = sequence_network(config)
         updates = config.updates_per_interval * config.intervals
         schedule = optax.cosine_decay_schedule(config.learning_rate, updates, config.final_learning_rate_share)
@@ -133,7 +134,7 @@ class Reinforce:
 
         def draw_one(key: Array, number: Array) -> Scene:
             scene, _ = draw_scene(
-                key, number, self.table, slots=slots, own_class_share=own_class_share, config=self.world.scene
+                key, number, self.room, slots=slots, own_class_share=own_class_share, config=self.world.scene
             )
             return scene
 

@@ -35,7 +35,7 @@ from basenet_jax.planners.stop_search import MAX_STOPS, search_stops
 from basenet_jax.policies.stop_policy import StopGraph, StopPolicy, StopScene, stop_graph
 from basenet_jax.policies.stop_rollout import END, choices_gradient, choose_best, choose_randomly, plans_of, play, start
 from basenet_jax.robot.model import Robot
-from basenet_jax.world.scene import Table
+from basenet_jax.world.boxes import Room
 
 Metrics = dict[str, Array]
 
@@ -77,11 +77,11 @@ class StopLearning:
         """
         self.robot, self.config, self.world, self.devices = robot, config, world, devices
         devices.check(config.batches)
-        self.table = Table.from_config(world.table)
-        poses = aligned_poses(robot, self.table, aligned, world.pick)
+        self.room = Room.from_config(world.table)
+        poses = aligned_poses(robot, self.room, aligned, world.pick)
         self.half_turn = half_turn_of(poses)
         self.graph = jax.jit(stop_graph, static_argnames="config")(
-            robot, self.table, jnp.asarray(poses), world.navigation
+            robot, self.room, jnp.asarray(poses), world.navigation
         )
         self.policy = stop_network(config)
         updates = config.updates_per_interval * config.intervals
@@ -98,7 +98,7 @@ class StopLearning:
         library_key, network_key, example_key, search_key, key = jax.random.split(key, 5)
         library = make_library(
             self.robot,
-            self.table,
+            self.room,
             self.graph,
             self.half_turn,
             library_key,

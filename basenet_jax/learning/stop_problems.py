@@ -18,10 +18,10 @@ from basenet_jax.planners.candidates import check_candidates
 from basenet_jax.policies.stop_policy import StopGraph, StopScene, access_time
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.navigation import navigation_time
+from basenet_jax.world.boxes import Room
 from basenet_jax.world.generate import draw_scene, footprint_radius
-from basenet_jax.world.scene import Scene, Table
+from basenet_jax.world.scene import BY_SLOT, Scene
 
-_OF_OBJECTS = ("object_pose", "object_size", "object_grasp", "object_class", "mask")
 _TRIES_PER_OBJECT = 4  # objects drawn for each one to be placed; of 30 objects a few may find no room
 
 
@@ -40,7 +40,7 @@ class Library:
 
 def make_library(
     robot: Robot,
-    table: Table,
+    room: Room,
     graph: StopGraph,
     half_turn: Int[np.ndarray, " K"],
     key: Array,
@@ -61,15 +61,15 @@ def make_library(
         world: of scenes, picks and drives.
     """
 
-    scenes = _single_objects(key, table, count, own_class_share, world)
+    scenes = _single_objects(key, room, count, own_class_share, world)
     objects = dataclasses.replace(
         scenes,
-        **{name: getattr(scenes, name)[:, 0] for name in _OF_OBJECTS},
+        **{name: getattr(scenes, name)[:, 0] for name in BY_SLOT},
         robot_start=scenes.robot_start[0],
-        table=table,
+        room=room,
     )
     picks = check_candidates(robot, objects, graph.poses, world=world).pick_time
-    first = navigation_time(robot, scenes.robot_start[:, None], graph.poses, table, world.navigation)
+    first = navigation_time(robot, scenes.robot_start[:, None], graph.poses, room, world.navigation)
     library = Library(
         grasps=objects.grasps,
         position=objects.object_pose[:, :2],
@@ -82,11 +82,11 @@ def make_library(
     return jax.tree.map(lambda a, b: jnp.concatenate([a, b]), library, _turned(library, half_turn))
 
 
-def _single_objects(key: Array, table: Table, count: int, own_class_share: float, world: WorldConfig) -> Scene:
+def _single_objects(key: Array, room: Room, count: int, own_class_share: float, world: WorldConfig) -> Scene:
     """A batch of scenes of one object."""
 
     def draw(key: Array) -> Scene:
-        return draw_scene(key, 1, table, slots=1, own_class_share=own_class_share, config=world.scene)[0]
+        return draw_scene(key, 1, room, slots=1, own_class_share=own_class_share, config=world.scene)[0]
 
     return jax.vmap(draw)(jax.random.split(key, count))
 

@@ -31,7 +31,8 @@ from basenet_jax.policies.trained import load_stops
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.picking import Reason
 from basenet_jax.task.plan import Outcome, Plan, compiled_execute
-from basenet_jax.world.scene import Scene, Table
+from basenet_jax.world.boxes import Room
+from basenet_jax.world.scene import Scene
 
 _PAIRS = 1536  # of stop and object: all those of ten objects and the aligned stops in reach
 _PAIRS_AT_ONCE = 4 * _PAIRS  # of several scenes, estimated in one round
@@ -69,10 +70,10 @@ class BaSeNet:
         self._setup, self._devices = setup, use_devices(options.devices or jax.local_device_count())
         if params is None:
             policy, params = load_stops(options.weights, setup.robot.name)
-        self._made_for = _MadeFor(setup.robot, setup.table, params)
+        self._made_for = _MadeFor(setup.robot, setup.room, params)
         samples = options.samples if isinstance(options, SampleOptions) else 0
         self._program = _Program(policy or StopPolicy(), samples, setup.world)
-        stops = jax.device_put(aligned_poses(setup.robot, setup.table, options.aligned, setup.world.pick))
+        stops = jax.device_put(aligned_poses(setup.robot, setup.room, options.aligned, setup.world.pick))
         self._graph = self._graph_of(stops)
 
     @property
@@ -162,14 +163,14 @@ class BaSeNet:
 
     def _graph_of(self, poses: Float[Array, "K 3"]) -> StopGraph:
         setup = self._setup
-        return _stop_graph(setup.robot, setup.table, poses, config=setup.world.navigation)
+        return _stop_graph(setup.robot, setup.room, poses, config=setup.world.navigation)
 
 
 class _MadeFor(NamedTuple):
     """What stays the same from call to call."""
 
     robot: Robot
-    table: Table
+    room: Room
     params: Any  # of the policy
 
 
@@ -257,7 +258,7 @@ def _stop_scene(
     """The pick times with those that are known, and the scene on the graph by them, as a batch of one."""
     times = jnp.asarray(times).at[known.stop, known.slot].set(jnp.asarray(known.time), mode="drop")
     one = jax.tree.map(lambda x: x[None], scene)
-    return times, stop_scenes(made_for.robot, made_for.table, graph, one, times[None], program.world)
+    return times, stop_scenes(made_for.robot, made_for.room, graph, one, times[None], program.world)
 
 
 def _propose(graph: StopGraph, scene: Scene, times: Float[Array, "K M"], stops: StopPlan) -> _Proposal:
@@ -279,27 +280,27 @@ def _plan_many(
     program: _Program, made_for: _MadeFor, scenes: Scene, graph: StopGraph, keys: Array
 ) -> tuple[Plan, Bool[Array, " B"]]:
     """Plans by estimated pick times, and whether each serves every object."""
-    robot, table, params = made_for
+    robot, room, params = made_for
     at_once = min(len(scenes.mask), _PAIRS_AT_ONCE // _PAIRS) * _PAIRS
     times = estimate_times(robot, graph.poses, scenes.grasps, scenes.mask, program.world.pick, pairs_at_once=at_once)
 
     def play_greedily(own: StopScene) -> StopPlan:
         return plans_of(graph, own, play(program.policy, params, graph, own, choose_best))
 
-    greedy = settle(robot, table, graph, scenes, times, play_greedily, program.world, at_once=_SCENES_AT_ONCE)
+    greedy = settle(robot, room, graph, scenes, times, play_greedily, program.world, at_once=_SCENES_AT_ONCE)
 
     def sample_one(own: tuple[Scene, Array, Array]) -> StopPlan:
         """On the times that the greedy plan left, so that the best of all is no worse than it."""
         scene, times, key = own
         batch = jax.tree.map(lambda x: x[None], scene)
-        problem = stop_scenes(robot, table, graph, batch, times[None], program.world)
+        problem = stop_scenes(robot, room, graph, batch, times[None], program.world)
         one = jax.tree.map(lambda x: x[0], problem)
         visited = sample(program.policy, params, graph, one, key, program.samples)
 
         def take_cheapest(own: StopScene) -> StopPlan:
             return jax.vmap(cheapest, in_axes=(None, 0, None))(graph, own, visited)
 
-        settled = settle(robot, table, graph, batch, times[None], take_cheapest, program.world, at_once=1)
+        settled = settle(robot, room, graph, batch, times[None], take_cheapest, program.world, at_once=1)
         return jax.tree.map(lambda x: x[0], settled.plan)
 
     sampled = program.samples > 0

@@ -17,8 +17,9 @@ from basenet_jax.robot.kinematics import reach_sphere
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.picking import Reason, estimate_pick_time, pick
 from basenet_jax.trigonometry import sin_cos
+from basenet_jax.world.boxes import Room
 from basenet_jax.world.clearance import compiled_base_collides
-from basenet_jax.world.scene import Scene, Table
+from basenet_jax.world.scene import Scene
 
 PAIRS_AT_ONCE = 9_216  # of pose and object, checked in one round: all that are near in most scenes of ten objects
 REACH_MARGIN = 0.005  # m: covers a converged solution's position error and rounding
@@ -35,7 +36,7 @@ class Candidates:
 
 
 def grid_poses(
-    robot: Robot, table: Table, grid: GridConfig = GridConfig(), config: PickConfig = PickConfig()
+    robot: Robot, room: Room, grid: GridConfig = GridConfig(), config: PickConfig = PickConfig()
 ) -> Float[np.ndarray, "K 3"]:
     """All poses of the planning grid, (x, y, heading in (-pi, pi]) in W, that don't collide with the table (rule 1)."""
     counts = [math.floor(half / grid.step_m + 1e-9) for half in grid.half_size_m]
@@ -43,7 +44,7 @@ def grid_poses(
     turn = np.arange(grid.turns)
     heading = np.where(turn > grid.turns // 2, turn - grid.turns, turn) * (2 * np.pi / grid.turns)
     poses = np.stack(np.meshgrid(x, y, heading, indexing="ij"), axis=-1).reshape(-1, 3).astype(np.float32)
-    collides = compiled_base_collides(robot, poses, table, config.base_clearance_m, config.touching_m)
+    collides = compiled_base_collides(robot, poses, room, config.base_clearance_m, config.touching_m)
     return poses[~np.asarray(collides)]
 
 
@@ -75,7 +76,7 @@ def check_candidates(
 
     def check(pair: Int[Array, " P"]) -> tuple[Array, Array]:
         pose, slot = jnp.divmod(pair, len(grasps))
-        picks = pick(robot, poses[pose], grasps[slot], scene.table, world.pick)
+        picks = pick(robot, poses[pose], grasps[slot], scene.room, world.pick)
         return jnp.where(picks.feasible, picks.time, jnp.inf), picks.reason
 
     nothing = (jnp.full(near.shape, jnp.inf), jnp.full(near.shape, int(Reason.OUT_OF_REACH), jnp.int32))

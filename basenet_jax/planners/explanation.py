@@ -10,7 +10,8 @@ from basenet_jax.config import PickConfig
 from basenet_jax.planners.protocol import PlannerSetup
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.picking import Reason, pick
-from basenet_jax.world.scene import Scene, Table
+from basenet_jax.world.boxes import Room
+from basenet_jax.world.scene import Scene
 
 
 def count_reasons(setup: PlannerSetup, scene: Scene) -> Int[np.ndarray, "M reasons"]:
@@ -25,12 +26,12 @@ def count_reasons(setup: PlannerSetup, scene: Scene) -> Int[np.ndarray, "M reaso
     poses = jnp.asarray(setup.grid_poses)
     counts = np.zeros((scene.mask.shape[0], len(Reason)), int)
     for slot in np.flatnonzero(np.asarray(scene.mask)):  # one by one: the same program for any number of objects
-        counts[slot] = _count(setup.robot, poses, scene.grasps[slot], scene.table, setup.world.pick)
+        counts[slot] = _count(setup.robot, poses, scene.grasps[slot], scene.room, setup.world.pick)
     return counts
 
 
 @jax.jit(static_argnames="config")
 def _count(
-    robot: Robot, base_pose: Float[Array, "K 3"], grasp: Float[Array, "4"], table: Table, config: PickConfig
+    robot: Robot, base_pose: Float[Array, "K 3"], grasp: Float[Array, "4"], room: Room, config: PickConfig
 ) -> Int[Array, " reasons"]:
-    return jnp.bincount(pick(robot, base_pose, grasp, table, config).reason, length=len(Reason))
+    return jnp.bincount(pick(robot, base_pose, grasp, room, config).reason, length=len(Reason))

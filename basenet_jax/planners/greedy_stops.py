@@ -65,7 +65,7 @@ def greedy_stops(
 
     def stop(state: tuple[Array, Array], _: None) -> tuple[tuple[Array, Array], Stops]:
         pose, remaining = state
-        drive = navigation_time(robot, pose, candidates.base_pose, scene.table, config)
+        drive = navigation_time(robot, pose, candidates.base_pose, scene.room, config)
         useful = jnp.any(candidates.serves & remaining, axis=1)
         cost = jnp.where(useful, drive - gain @ remaining.astype(gain.dtype), jnp.inf)
         best = jnp.argmin(cost)

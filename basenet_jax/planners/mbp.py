@@ -63,7 +63,7 @@ def nearest_stops(
     slots = len(scene.mask)  # a minimum cover has no more sets than objects
 
     def visit(tour: _Tour) -> _Tour:
-        drive = navigation_time(robot, tour.pose, candidates.base_pose, scene.table, config)
+        drive = navigation_time(robot, tour.pose, candidates.base_pose, scene.room, config)
         drive = jnp.where((stop_of_pose >= 0) & tour.remaining[stop_of_pose], drive, jnp.inf)
         best = jnp.argmin(drive)
         found = jnp.isfinite(drive[best])
@@ -112,7 +112,7 @@ def picks_at_stops(
 @partial(jax.jit, static_argnames="config")
 def _coverage(robot: Robot, scene: Scene, candidates: Candidates, config: NavigationConfig) -> Bool[Array, "K M"]:
     """What can be picked from the candidates that can be driven to from the start."""
-    drive = navigation_time(robot, scene.robot_start, candidates.base_pose, scene.table, config)
+    drive = navigation_time(robot, scene.robot_start, candidates.base_pose, scene.room, config)
     return candidates.serves & jnp.isfinite(drive)[:, None]
 
 

@@ -68,7 +68,7 @@ def nearest_first(
         pose, remaining = state
         distance = jnp.linalg.norm(grasp - pose[:2], axis=-1)
         slot = jnp.argmin(jnp.where(remaining, distance, jnp.inf))
-        drive = navigation_time(robot, pose, candidates.base_pose, scene.table, config)
+        drive = navigation_time(robot, pose, candidates.base_pose, scene.room, config)
         drive = jnp.where(serves[slot] & remaining[slot], drive, jnp.inf)
         best = jnp.argmin(drive)
         found = jnp.isfinite(drive[best])

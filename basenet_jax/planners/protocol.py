@@ -18,7 +18,8 @@ from basenet_jax.planners.candidates import grid_poses
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.reading import load_robot
 from basenet_jax.task.plan import Plan
-from basenet_jax.world.scene import Scene, Table
+from basenet_jax.world.boxes import Room
+from basenet_jax.world.scene import Scene
 
 Tree = TypeVar("Tree")
 
@@ -120,18 +121,18 @@ class PlannerSetup:
     """What planners are made for, shared by all of one evaluation; each has its own options beside."""
 
     robot: Robot = field(default_factory=lambda: jax.device_put(load_robot()))
-    table: Table = field(default_factory=Table.from_config)
+    room: Room = field(default_factory=Room.from_config)
     world: WorldConfig = field(default_factory=WorldConfig)
     grid: GridConfig = field(default_factory=GridConfig)
 
     @cached_property
     def grid_poses(self) -> Float[np.ndarray, "K 3"]:
         """The grid's base poses (x, y, heading in W) that don't collide with the table."""
-        return grid_poses(self.robot, self.table, self.grid, self.world.pick)
+        return grid_poses(self.robot, self.room, self.grid, self.world.pick)
 
-    def with_table(self, table: Table) -> "PlannerSetup":
-        """The same for another table."""
-        return dataclasses.replace(self, table=table)
+    def with_room(self, room: Room) -> "PlannerSetup":
+        """The same for another room."""
+        return dataclasses.replace(self, room=room)
 
 
 def assemble_plan(

@@ -45,7 +45,7 @@ class Refined:
         """Prepares the aligned stops."""
         self._setup, self._budget_s, self._refinement = setup, options.budget_s, options.refinement
         self._compiled: set[tuple[int, int]] = set()  # slots and served objects that a budget was spent on before
-        self._aligned = jax.device_put(aligned_poses(setup.robot, setup.table, options.aligned, setup.world.pick))
+        self._aligned = jax.device_put(aligned_poses(setup.robot, setup.room, options.aligned, setup.world.pick))
 
     def __call__(self, scene: Scene, key: Array) -> Plan:
         """See `Planner`."""

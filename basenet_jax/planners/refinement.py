@@ -68,7 +68,7 @@ def refine(
 def reassign(robot: Robot, scene: Scene, route: Route, world: WorldConfig = WorldConfig()) -> Route:
     """Gives every object of a route to the stop, among all of its used ones, where picking it is fastest."""
     used = jnp.arange(len(route.stops)) <= jnp.max(route.stop_of)
-    picks = pick(robot, route.stops, scene.grasps[:, None], scene.table, world.pick)
+    picks = pick(robot, route.stops, scene.grasps[:, None], scene.room, world.pick)
     time = jnp.where(picks.feasible & used, picks.time, jnp.inf)
     fastest = jnp.where(jnp.isfinite(jnp.min(time, axis=1)), jnp.argmin(time, axis=1), route.stop_of)
     return Route(route.stops, jnp.where(route.stop_of >= 0, fastest, -1))
@@ -105,7 +105,7 @@ def _picking_time(
     robot: Robot, scene: Scene, options: Float[Array, "L C 3"], stop_of: Int[Array, " M"], world: WorldConfig
 ) -> Float[Array, "L C"]:
     """Time (s) of all picks at each alternative; infinite where one of them is not feasible."""
-    picks = pick(robot, options[stop_of], scene.grasps[:, None], scene.table, world.pick)
+    picks = pick(robot, options[stop_of], scene.grasps[:, None], scene.room, world.pick)
     time = jnp.where(picks.feasible, picks.time, jnp.inf)
     return jnp.zeros(options.shape[:2]).at[stop_of].add(jnp.where(stop_of[:, None] >= 0, time, 0.0))
 
@@ -114,8 +114,8 @@ def _drives(
     robot: Robot, scene: Scene, options: Float[Array, "L C 3"], world: WorldConfig
 ) -> tuple[Float[Array, " C"], Float[Array, "L-1 C C"]]:
     """Navigation time (s) to the alternatives of the first stop, and between those of successive stops."""
-    first = navigation_time(robot, scene.robot_start, options[0], scene.table, world.navigation)
-    between = navigation_time(robot, options[:-1, :, None], options[1:, None], scene.table, world.navigation)
+    first = navigation_time(robot, scene.robot_start, options[0], scene.room, world.navigation)
+    between = navigation_time(robot, options[:-1, :, None], options[1:, None], scene.room, world.navigation)
     return first, between
 
 

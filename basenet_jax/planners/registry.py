@@ -39,12 +39,12 @@ class PlannerKind:
         return self.options(**given) if self.options else None
 
     def make_planner(self, setup: "PlannerSetup", options: Settings | None = None) -> "Planner":
-        """The planner of a setup, which refuses scenes with another table; options of None are its defaults.
+        """The planner of a setup, which refuses scenes in another room; options of None are its defaults.
 
         Raises:
             ValueError: its weights can't be used, or the robot's arm would touch something before and after a pick.
         """
-        from basenet_jax.planners.on_its_table import check_rest, hold_to  # the names are known without JAX
+        from basenet_jax.planners.in_its_room import check_rest, hold_to  # the names are known without JAX
 
         check_rest(setup)
         return hold_to(setup, self.make(setup) if options is None else self.make(setup, options))

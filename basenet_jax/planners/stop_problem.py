@@ -14,7 +14,8 @@ from basenet_jax.robot.model import Robot
 from basenet_jax.task.navigation import navigation_time
 from basenet_jax.task.picking import Reason
 from basenet_jax.task.plan import Plan
-from basenet_jax.world.scene import Scene, Table
+from basenet_jax.world.boxes import Room
+from basenet_jax.world.scene import Scene
 
 _BUCKET = 256  # the number of stops is rounded up to a multiple, so that few shapes are compiled
 
@@ -62,7 +63,7 @@ def stop_problem(
         config: of the drives.
     """
     pick_time, pose = np.asarray(candidates.pick_time), np.asarray(candidates.base_pose)
-    first = np.asarray(_drives_from(robot, scene.robot_start, candidates.base_pose, scene.table, config))
+    first = np.asarray(_drives_from(robot, scene.robot_start, candidates.base_pose, scene.room, config))
     # What only such poses serve can't be had: a drive to them is never allowed, wherever it begins (they lie inside
     # the table grown by the path margin), so leaving them out loses no plan.
     reachable = np.isfinite(first)
@@ -74,19 +75,19 @@ def stop_problem(
     poses = np.pad(pose[useful], ((0, padding), (0, 0)))
     picks = np.pad(pick_time[np.ix_(useful, served)], ((0, padding), (0, 0)), constant_values=np.inf)
     first = np.pad(first[useful], (0, padding), constant_values=np.inf)
-    drive = _drives_between(robot, poses, scene.table, config)
+    drive = _drives_between(robot, poses, scene.room, config)
     return StopProblem(jax.device_put(picks), jax.device_put(first), drive, poses, served, reason)
 
 
 @jax.jit(static_argnames="config")
 def _drives_from(
-    robot: Robot, start: Float[Array, "3"], poses: Float[Array, "P 3"], table: Table, config: NavigationConfig
+    robot: Robot, start: Float[Array, "3"], poses: Float[Array, "P 3"], room: Room, config: NavigationConfig
 ) -> Float[Array, " P"]:
-    return navigation_time(robot, start, poses, table, config)
+    return navigation_time(robot, start, poses, room, config)
 
 
 @jax.jit(static_argnames="config")
 def _drives_between(
-    robot: Robot, poses: Float[Array, "P 3"], table: Table, config: NavigationConfig
+    robot: Robot, poses: Float[Array, "P 3"], room: Room, config: NavigationConfig
 ) -> Float[Array, "P P"]:
-    return navigation_time(robot, poses[:, None], poses, table, config)
+    return navigation_time(robot, poses[:, None], poses, room, config)

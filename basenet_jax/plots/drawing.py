@@ -36,7 +36,7 @@ def draw_plan(axes: Axes, robot: Robot, scene: Scene, plan: Plan, outcome: Outco
         outcome: of executing it.
         size: of the numbers, in points.
     """
-    table = Polygon(rectangle((0.0, 0.0, 0.0), scene.table.half_size), fc="#EFE6D8", ec="#8A7A60", zorder=1)
+    table = Polygon(rectangle((0.0, 0.0, 0.0), scene.room.table_half_size), fc="#EFE6D8", ec="#8A7A60", zorder=1)
     axes.add_patch(table)
     _draw_reach(axes, robot, scene, plan, outcome, table)
     _draw_objects(axes, scene, plan, outcome, size)
@@ -137,7 +137,7 @@ def _draw_stops(axes: Axes, robot: Robot, scene: Scene, plan: Plan, outcome: Out
     for step in np.flatnonzero(outcome.is_step & plan.served):
         pose = plan.base_pose[step]
         if float(outcome.navigation_time[step]) > 0:
-            path = navigation_path(robot, before, pose, scene.table)
+            path = navigation_path(robot, before, pose, scene.room)
             axes.plot(path[:, 0], path[:, 1], color=PATH, lw=1.4, ls=(0, (5, 2)), zorder=2)
             before = pose
         grasp, mount = scene.grasps[plan.object_index[step]], _mount(robot, pose)

@@ -9,7 +9,7 @@ from matplotlib.patches import Polygon
 
 from basenet_jax.plots.drawing import rectangle
 from basenet_jax.robot.model import Robot
-from basenet_jax.world.scene import Table
+from basenet_jax.world.boxes import Room
 
 _AXES = ("#D55E00", "#009E73", "#0072B2")  # x, y, z of frames
 _BODY, _ARM, _TOOL_M = "#1B3A5C", "#8C8C8C", 0.12
@@ -44,12 +44,12 @@ def plot_robot(robot: Robot) -> Figure:
 
 
 def plot_service(
-    table: Table, grasps: Float[np.ndarray, "N 4"], served: np.ndarray, base_pose: Float[np.ndarray, "N 3"], title: str
+    room: Room, grasps: Float[np.ndarray, "N 4"], served: np.ndarray, base_pose: Float[np.ndarray, "N 3"], title: str
 ) -> Figure:
     """The table from above: grasps that some base pose serves, with a line to that base, and those that none does."""
     figure = Figure(figsize=(9.0, 6.0), layout="constrained")
     axes = figure.subplots()
-    axes.add_patch(Polygon(rectangle((0.0, 0.0, 0.0), table.half_size), fc="#EFE6D8", ec="#8A7A60", zorder=1))
+    axes.add_patch(Polygon(rectangle((0.0, 0.0, 0.0), room.table_half_size), fc="#EFE6D8", ec="#8A7A60", zorder=1))
     for grasp, pose in zip(grasps[served], base_pose[served], strict=True):
         axes.plot([grasp[0], pose[0]], [grasp[1], pose[1]], color="#7A93AC", lw=0.4, zorder=2)
     axes.plot(*base_pose[served][:, :2].T, "s", color=_BODY, ms=3, ls="", label="a base pose that serves it")

@@ -83,8 +83,8 @@ def rollout(
         choice = jax.lax.switch(size, [choosing(most) for most in sizes], state, key)
         grasp = jnp.take_along_axis(grasps, choice[..., None, None], axis=-2)[..., 0, :]
         goal = base_pose(grasp, state.robot_pose)
-        drive = navigation_time(robot, state.robot_pose, goal, scene.table, world.navigation)
-        collides = base_collides(robot, goal, scene.table, world.pick.base_clearance_m, world.pick.touching_m)
+        drive = navigation_time(robot, state.robot_pose, goal, scene.room, world.navigation)
+        collides = base_collides(robot, goal, scene.room, world.pick.base_clearance_m, world.pick.touching_m)
         active = jnp.any(state.remaining, axis=-1)
         ended = state.ended | (active & (collides | ~jnp.isfinite(drive)))
         executed = active & ~ended

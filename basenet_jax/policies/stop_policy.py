@@ -19,7 +19,7 @@ from basenet_jax.policies.graph_attention import FirstLayer, Layer, dense
 from basenet_jax.policies.grasp_sequence import object_features, robot_features
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.navigation import navigation_time
-from basenet_jax.world.scene import Table
+from basenet_jax.world.boxes import Room
 
 _SECONDS = 0.25  # brings times to the order of one
 _BASES = 5
@@ -55,10 +55,10 @@ class StopState(NamedTuple):
 
 
 def stop_graph(
-    robot: Robot, table: Table, poses: Float[Array, "K 3"], config: NavigationConfig = NavigationConfig()
+    robot: Robot, room: Room, poses: Float[Array, "K 3"], config: NavigationConfig = NavigationConfig()
 ) -> StopGraph:
     """The graph of the given poses (x, y, heading in W)."""
-    return StopGraph(poses, navigation_time(robot, poses[:, None], poses, table, config))
+    return StopGraph(poses, navigation_time(robot, poses[:, None], poses, room, config))
 
 
 def access_time(drive: Float[Array, "K K"], pick_time: Float[Array, "K M"]) -> Float[Array, "K M"]:

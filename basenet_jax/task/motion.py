@@ -111,7 +111,7 @@ class _Keys:
         turn = (goal[2] - start[2] + np.pi) % (2.0 * np.pi) - np.pi
         if np.hypot(*(goal - start)[:2]) <= config.same_pose and abs(turn) <= config.same_pose:
             return
-        path = navigation_path(self._robot, start, goal, scene.table, config)
+        path = navigation_path(self._robot, start, goal, scene.room, config)
         for before, after in itertools.pairwise(_base_poses(self._robot, path, start, goal, config)):
             if law := _base_law(self._robot, before, after):
                 turns = before[2] != after[2]

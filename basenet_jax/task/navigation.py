@@ -12,11 +12,12 @@ from jax.typing import ArrayLike
 from jaxtyping import Float
 
 from basenet_jax.config import NavigationConfig
+from basenet_jax.geometry import relative
 from basenet_jax.robot.kinematics import Vector, components
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.timing import trapezoid_duration
 from basenet_jax.trigonometry import atan2, wrap_angle
-from basenet_jax.world.scene import Table
+from basenet_jax.world.boxes import Room
 
 # Corners of the table in order round it, as signs of its half sides: neighbours (cyclically) are adjacent, and the
 # straight line between adjacent via points is always free.
@@ -27,7 +28,7 @@ def navigation_time(
     robot: Robot,
     start: Float[Array, "*batch 3"],
     goal: Float[Array, "*batch 3"],
-    table: Table,
+    room: Room,
     config: NavigationConfig = NavigationConfig(),
 ) -> Float[Array, "*batch"]:
     """Least time (s) for the base to drive from one pose to another round the table; infinite if there is no way.
@@ -40,16 +41,16 @@ def navigation_time(
         robot: its base's sides, speeds and accelerations count.
         start: pose (x, y, heading) in W.
         goal: likewise.
-        table: the table.
+        room: with one table.
         config: margins, and whether to drive straight through anything.
     """
-    p, q = components(start), components(goal)
-    straight = _leg(robot, p[:2], q[:2], table, config)
+    p, q = _seen_from_table(room, start, goal)
+    straight = _leg(robot, p[:2], q[:2], room, config)
     turned = _turn_duration(robot, q[2] - p[2])
     if config.straight:
         time = straight.duration + turned
     else:
-        legs = _Ways(robot, p, q, straight, *_over_vias(robot, p, q, table, config))
+        legs = _Ways(robot, p, q, straight, *_over_vias(robot, p, q, room, config))
         time = jnp.where(straight.short, turned, _least_way(legs))
     same = straight.short & (jnp.abs(wrap_angle(q[2] - p[2])) <= config.same_pose)
     return jnp.where(same, 0.0, time)
@@ -59,7 +60,7 @@ def navigation_path(
     robot: Robot,
     start: ArrayLike,
     goal: ArrayLike,
-    table: Table,
+    room: Room,
     config: NavigationConfig = NavigationConfig(),
 ) -> Float[np.ndarray, "points 2"]:
     """The polyline (m, in W) that `navigation_time` is the time of; one drive at a time, for pictures.
@@ -68,26 +69,40 @@ def navigation_path(
         ValueError: the goal can't be reached.
     """
     ends = [np.asarray(start)[:2], np.asarray(goal)[:2]]
-    short, durations, corners = jax.device_get(_compare_ways(robot, start, goal, table, config))
+    short, durations, corners = jax.device_get(_compare_ways(robot, start, goal, room, config))
     if config.straight or short:
         return np.stack(ends)
     best = int(np.argmin(durations))
     if not np.isfinite(durations[best]):
         raise ValueError(f"goal: {np.asarray(goal).tolist()} can't be reached from {np.asarray(start).tolist()}")
-    half = np.asarray(table.half_size) + np.min(np.asarray(robot.footprint_half_size)) + config.via_clearance_m
-    return np.stack([ends[0], *(_CORNERS[corner] * half for corner in corners[best] if corner >= 0), ends[1]])
+    half = np.asarray(room.table_half_size) + np.min(np.asarray(robot.footprint_half_size)) + config.via_clearance_m
+    x, y, yaw = np.asarray(room.boxes.pose, float)[0]
+    turned = np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]])
+    vias = [(x, y) + _CORNERS[corner] * half @ turned for corner in corners[best] if corner >= 0]
+    return np.stack([ends[0], *vias, ends[1]])
 
 
 @functools.partial(jax.jit, static_argnames="config")
 def _compare_ways(
-    robot: Robot, start: ArrayLike, goal: ArrayLike, table: Table, config: NavigationConfig
+    robot: Robot, start: ArrayLike, goal: ArrayLike, room: Room, config: NavigationConfig
 ) -> tuple[Array, Array, Array]:
     """Whether it is too short to drive, every way's duration, and the corners that each goes over (-1: none)."""
-    p, q = components(jnp.asarray(start)), components(jnp.asarray(goal))
-    straight = _leg(robot, p[:2], q[:2], table, config)
-    ways = list(_all_ways(_Ways(robot, p, q, straight, *_over_vias(robot, p, q, table, config))))
+    p, q = _seen_from_table(room, jnp.asarray(start), jnp.asarray(goal))
+    straight = _leg(robot, p[:2], q[:2], room, config)
+    ways = list(_all_ways(_Ways(robot, p, q, straight, *_over_vias(robot, p, q, room, config))))
     corners = [(*over, -1, -1)[:2] for _, over in ways]
     return straight.short, jnp.stack([duration for duration, _ in ways]), jnp.array(corners)
+
+
+def _seen_from_table(
+    room: Room, start: Float[Array, "*batch 3"], goal: Float[Array, "*batch 3"]
+) -> tuple[Vector, Vector]:
+    """Both poses in the frame of the room's one box."""
+    count = room.boxes.low.shape[-1]
+    if count != 1:
+        raise ValueError(f"room: found {count} boxes; drives of a point go round one table, others need docked drives")
+    p, q = (components(relative(jnp.asarray(room.boxes.pose[..., 0, :]), pose)) for pose in (start, goal))
+    return p, q
 
 
 _Point = Sequence[Array | np.ndarray]  # x, y
@@ -114,14 +129,14 @@ class _Ways(NamedTuple):
     inward: _Leg  # from each via to q
 
 
-def _over_vias(robot: Robot, p: Vector, q: Vector, table: Table, config: NavigationConfig) -> tuple[_Leg, _Leg, _Leg]:
+def _over_vias(robot: Robot, p: Vector, q: Vector, room: Room, config: NavigationConfig) -> tuple[_Leg, _Leg, _Leg]:
     """The legs from p to each via point, from each via point to the next one round the table, and from each to q."""
-    half = table.half_size + (jnp.min(robot.footprint_half_size) + config.via_clearance_m)
+    half = room.table_half_size + (jnp.min(robot.footprint_half_size) + config.via_clearance_m)
     corners = _CORNERS.reshape(4, *(1,) * max(p[0].ndim, q[0].ndim, half.ndim - 1), 2)
     vias = (corners[..., 0] * half[..., 0], corners[..., 1] * half[..., 1])
     following = tuple(jnp.roll(via, -1, axis=0) for via in vias)
     ends = ((p[:2], vias), (vias, following), (vias, q[:2]))
-    outward, between, inward = (_leg(robot, a, b, table, config) for a, b in ends)
+    outward, between, inward = (_leg(robot, a, b, room, config) for a, b in ends)
     return outward, between, inward
 
 
@@ -188,7 +203,7 @@ def _leg(
     robot: Robot,
     start: Sequence[Array | np.ndarray],
     end: Sequence[Array | np.ndarray],
-    table: Table,
+    room: Room,
     config: NavigationConfig,
 ) -> _Leg:
     along = (end[0] - start[0], end[1] - start[1])
@@ -197,7 +212,7 @@ def _leg(
     return _Leg(
         direction=atan2(along[1], along[0]),
         duration=trapezoid_duration(length, robot.base_speed[0], robot.base_acceleration[0]),
-        free=_stays_out(start, end, table.half_size + (jnp.min(robot.footprint_half_size) - config.path_slack_m)),
+        free=_stays_out(start, end, room.table_half_size + (jnp.min(robot.footprint_half_size) - config.path_slack_m)),
         short=length <= config.same_pose,
     )
 

@@ -22,11 +22,11 @@ from basenet_jax.robot.ik import damped_least_squares, residual
 from basenet_jax.robot.kinematics import Vector, components
 from basenet_jax.robot.model import Robot
 from basenet_jax.task import arm_solutions
+from basenet_jax.world.boxes import Room
 from basenet_jax.world.clearance import base_collides, capsules_touch
-from basenet_jax.world.scene import Table
 
 # (robot, base pose as x, y, heading, joints, table) -> whether the arm touches anything; the default is the kernels'.
-ArmCheck = Callable[[Robot, Vector, Array, Table], Array]
+ArmCheck = Callable[[Robot, Vector, Array, Room], Array]
 
 
 class Reason(enum.IntEnum):
@@ -55,7 +55,7 @@ def pick(
     robot: Robot,
     base_pose: Float[Array, "*batch 3"],
     grasp: Float[Array, "*batch 4"],
-    table: Table,
+    room: Room,
     config: PickConfig = PickConfig(),
     arm_check: ArmCheck = capsules_touch,
     *,
@@ -77,11 +77,12 @@ def pick(
     batch = jnp.broadcast_shapes(base_pose.shape[:-1], grasp.shape[:-1])
     base_pose = jnp.broadcast_to(base_pose, (*batch, 3)).reshape(-1, 3)
     grasp = jnp.broadcast_to(grasp, (*batch, 4)).reshape(-1, 4)
-    if table.height.ndim:
-        table = Table(
-            jnp.broadcast_to(table.half_size, (*batch, 2)).reshape(-1, 2), jnp.broadcast_to(table.height, batch).ravel()
+    if room.batched:
+        unbatched = room.boxes.low.ndim - 1
+        room = jax.tree.map(
+            lambda x: jnp.broadcast_to(x, (*batch, *x.shape[unbatched:])).reshape(-1, *x.shape[unbatched:]), room
         )
-    collides = base_collides(robot, base_pose, table, config.base_clearance_m, config.touching_m)
+    collides = base_collides(robot, base_pose, room, config.base_clearance_m, config.touching_m)
     picks = arm_solutions.Picks(components(base_pose), components(grasp))
     solutions = arm_solutions.solve(robot, picks, config, seeds)
     estimate = jnp.where(collides, jnp.inf, solutions.estimate)
@@ -96,7 +97,7 @@ def pick(
 
     def attempt(index: Array, search: _Search) -> _Search:
         part, own_solutions = rounds.take((picks, solutions), index)
-        own_table = rounds.take(table, index, axis=0) if table.height.ndim else table
+        own_table = rounds.take(room, index, axis=0) if room.batched else room
         return _attempt(robot, part, own_solutions, own_table, config, arm_check, search)
 
     for chunk, rest in itertools.pairwise((*_chunks(len(grasp), config), 0)):
@@ -154,10 +155,10 @@ def _chunks(count: int, config: PickConfig) -> tuple[int, ...]:
     return (first, config.smallest_chunk) if first >= 4 * config.smallest_chunk else (first,)
 
 
-def _attempt(robot, picks, solutions, table, config: PickConfig, arm_check: ArmCheck, search: _Search) -> _Search:
+def _attempt(robot, picks, solutions, room, config: PickConfig, arm_check: ArmCheck, search: _Search) -> _Search:
     """Checks the fastest remaining solution of undecided picks."""
     choice = jnp.argmin(search.estimate, axis=0)
-    rule, time, joints = _check(robot, picks, solutions, choice, table, config, arm_check)
+    rule, time, joints = _check(robot, picks, solutions, choice, room, config, arm_check)
     feasible = rule == Reason.NONE
     estimate = search.estimate.at[choice, jnp.arange(len(choice))].set(jnp.inf)
     return _Search(
@@ -169,7 +170,7 @@ def _attempt(robot, picks, solutions, table, config: PickConfig, arm_check: ArmC
     )
 
 
-def _check(robot, picks, solutions, choice, table, config: PickConfig, arm_check: ArmCheck):
+def _check(robot, picks, solutions, choice, room, config: PickConfig, arm_check: ArmCheck):
     """Refines one solution of each pick; the first rule it breaks (NONE if none), its cycle's duration, its joints."""
     target, joints = arm_solutions.waypoints(robot, picks, solutions, choice, config)
     joints = damped_least_squares(robot, target, joints, config.refinements)
@@ -177,7 +178,7 @@ def _check(robot, picks, solutions, choice, table, config: PickConfig, arm_check
     reached = (position_error <= config.position_tolerance_m) & (orientation_error <= config.orientation_tolerance_rad)
     steps = jnp.abs(joints[:, 1:] - joints[:, :-1])
     smooth = jnp.max(steps, axis=(0, 1)) <= config.max_descent_step_rad
-    touches = jnp.any(arm_check(robot, picks.base_pose, _checked_states(robot, joints, config), table), axis=0)
+    touches = jnp.any(arm_check(robot, picks.base_pose, _checked_states(robot, joints, config), room), axis=0)
     rule = jnp.where(touches, Reason.ARM_COLLIDES, Reason.NONE)
     rule = jnp.where(smooth & jnp.all(reached, axis=0), rule, Reason.NO_STRAIGHT_DESCENT)
     rule = jnp.where(reached[0] & reached[-1], rule, Reason.OUT_OF_REACH)

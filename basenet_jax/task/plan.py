@@ -88,15 +88,15 @@ def execute(
     drives = is_step & plan.served
     # An unserved step comes after all served ones, so where the robot would drive from there doesn't matter.
     before = jnp.concatenate([scene.robot_start[..., None, :], plan.base_pose[..., :-1, :]], axis=-2)
-    table = jax.tree.map(lambda x: jnp.expand_dims(x, scene.robot_start.ndim - 1), scene.table)
-    drive = navigation_time(robot, before, plan.base_pose, table, config.navigation)
-    collides = base_collides(robot, plan.base_pose, table, config.pick.base_clearance_m, config.pick.touching_m)
+    room = jax.tree.map(lambda x: jnp.expand_dims(x, scene.robot_start.ndim - 1), scene.room)
+    drive = navigation_time(robot, before, plan.base_pose, room, config.navigation)
+    collides = base_collides(robot, plan.base_pose, room, config.pick.base_clearance_m, config.pick.touching_m)
     fails = drives & (collides | ~jnp.isfinite(drive))
     ended = jnp.cumsum(fails, axis=-1) - fails > 0  # by an earlier step
     executed = drives & ~ended & ~fails
     slot = jnp.maximum(plan.object_index, 0)
     grasp = jnp.take_along_axis(scene.grasps, slot[..., None], axis=-2)
-    picks = pick(robot, plan.base_pose, grasp, table, config.pick, arm_check)
+    picks = pick(robot, plan.base_pose, grasp, room, config.pick, arm_check)
     stopped = jnp.where(collides, Reason.BASE_COLLIDES, Reason.UNREACHABLE)
     reason = jnp.where(ended, Reason.NOT_EXECUTED, jnp.where(fails, stopped, picks.reason))
     reason = jnp.where(plan.served, reason, plan.reason)

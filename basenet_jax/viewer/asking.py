@@ -74,4 +74,4 @@ def _pick_all(
     """The base poses at a place, and the picks of all objects from each."""
     headings = jnp.arange(turns) * (2.0 * jnp.pi / turns)
     poses = jnp.stack([jnp.full(turns, place[0]), jnp.full(turns, place[1]), headings], axis=-1)
-    return poses, pick(robot, poses[:, None], scene.grasps, scene.table, rules)
+    return poses, pick(robot, poses[:, None], scene.grasps, scene.room, rules)

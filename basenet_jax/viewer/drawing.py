@@ -5,7 +5,7 @@ import viser
 from jaxtyping import Float
 
 from basenet_jax.plots.drawing import CLASS_COLORS
-from basenet_jax.world.scene import Table
+from basenet_jax.world.boxes import Room
 
 Color = tuple[int, int, int]
 START_COLOR: Color = (0, 114, 178)
@@ -79,10 +79,10 @@ def place_camera(camera: viser.InitialCameraConfig) -> None:
     camera.position, camera.look_at, camera.fov = (0.75, -3.7, 6.4), (0.75, -0.05, 0.1), np.radians(42.0)
 
 
-def draw_table(scene: viser.SceneApi, table: Table) -> None:
+def draw_table(scene: viser.SceneApi, room: Room) -> None:
     """The table top and its block below."""
-    length, width = (2.0 * np.asarray(table.half_size, float)).tolist()
-    height, top = float(table.height), 0.04
+    length, width = (2.0 * np.asarray(room.table_half_size, float)).tolist()
+    height, top = float(room.table_height), 0.04
     scene.add_box("/table/top", _WOOD, (length, width, top), position=(0.0, 0.0, height - top / 2))
     inset, low = 0.06, height - top
     size = (length - inset, width - inset, low)

@@ -14,15 +14,12 @@ from jaxtyping import Float
 from basenet_jax.config import PickConfig, SceneConfig
 from basenet_jax.robot.reading import load_robot
 from basenet_jax.world.clearance import compiled_base_collides
-from basenet_jax.world.scene import MAX_OBJECTS, OBJECT_CLASSES, NamedScene, Scene
+from basenet_jax.world.scene import BY_SLOT, MAX_OBJECTS, OBJECT_CLASSES, NamedScene, Scene
 from basenet_jax.world.spacing import Footprints, gaps
 
 FEW_OBJECTS = 16  # slots of scenes with up to so many objects; larger ones have room for all that are allowed
 _RASTER_M = 0.05  # of the places that are tried for a new object
 _FARTHEST_M = 10.0  # from the table's centre along either axis, where the robot may start
-
-# Leaves of a scene with one row for each object.
-_BY_OBJECT = ("object_pose", "object_size", "object_grasp", "object_class", "mask")
 
 
 class PlacementError(ValueError):
@@ -40,7 +37,7 @@ def pad(scene: NamedScene) -> NamedScene:
         room[:count] = values[:count]
         return room
 
-    padded = dataclasses.replace(arrays, **{leaf: fill(np.asarray(getattr(arrays, leaf))) for leaf in _BY_OBJECT})
+    padded = dataclasses.replace(arrays, **{leaf: fill(np.asarray(getattr(arrays, leaf))) for leaf in BY_SLOT})
     return dataclasses.replace(scene, arrays=padded)
 
 
@@ -52,7 +49,7 @@ def move_object(scene: NamedScene, name: str, pose: Float[np.ndarray, "3"]) -> N
     """
     if name not in scene.names:
         raise PlacementError(f"{name} isn't there any more")
-    slot, half = scene.names.index(name), np.asarray(scene.arrays.table.half_size)
+    slot, half = scene.names.index(name), np.asarray(scene.arrays.room.table_half_size)
     poses = np.array(scene.arrays.object_pose)
     poses[slot] = [*np.clip(pose[:2], -half, half), pose[2]]
     moved = _with(scene, object_pose=poses)
@@ -73,7 +70,7 @@ def move_start(scene: NamedScene, pose: Float[np.ndarray, "3"], rule: PickConfig
     x, y = np.clip(pose[:2], -_FARTHEST_M, _FARTHEST_M)
     start = np.array([x, y, pose[2]], np.float32)
     robot = load_robot(scene.robot)
-    if compiled_base_collides(robot, start, scene.arrays.table, rule.base_clearance_m, rule.touching_m):
+    if compiled_base_collides(robot, start, scene.arrays.room, rule.base_clearance_m, rule.touching_m):
         raise PlacementError(f"the robot can't start less than {rule.base_clearance_m:g} m from the table")
     return _with(scene, robot_start=start)
 
@@ -90,10 +87,17 @@ def add_object(scene: NamedScene, kind: str) -> NamedScene:
     own = OBJECT_CLASSES[index]
     name = next(each for each in (f"{kind}_{i}" for i in itertools.count(1)) if each not in scene.names)
     arrays = scene.arrays
-    rows = ((0.0, 0.0, 0.0), own.size, (own.grasp_x, own.grasp_z, own.grasp_yaw), index, True)
+    rows = (
+        (0.0, 0.0, 0.0),
+        own.size,
+        (own.grasp_x, own.grasp_z, own.grasp_yaw),
+        index,
+        float(arrays.room.table_height),
+        True,
+    )
     longer = {
         leaf: np.concatenate([old := getattr(arrays, leaf)[:count], np.asarray(row, old.dtype)[None]])
-        for leaf, row in zip(_BY_OBJECT, rows, strict=True)
+        for leaf, row in zip(BY_SLOT, rows, strict=True)
     }
     grown = NamedScene(dataclasses.replace(arrays, **longer), (*scene.names, name), scene.robot)
     return _at_freest_place(pad(grown), count)
@@ -108,7 +112,7 @@ def remove_object(scene: NamedScene, name: str) -> NamedScene:
     if len(scene.names) == 1:
         raise PlacementError("the last object can't be removed, add another one first")
     keep = [index for index, other in enumerate(scene.names) if other != name]
-    left = dataclasses.replace(scene.arrays, **{leaf: getattr(scene.arrays, leaf)[keep] for leaf in _BY_OBJECT})
+    left = dataclasses.replace(scene.arrays, **{leaf: getattr(scene.arrays, leaf)[keep] for leaf in BY_SLOT})
     return pad(NamedScene(left, tuple(scene.names[index] for index in keep), scene.robot))
 
 
@@ -125,7 +129,7 @@ def _footprints(scene: NamedScene, slots: Sequence[int] | slice = slice(None)) -
 
 def _at_freest_place(scene: NamedScene, slot: int) -> NamedScene:
     """The scene with the last object moved to where on a raster it is farthest from the others."""
-    half = np.maximum(np.asarray(scene.arrays.table.half_size) - SceneConfig().edge_margin_m, 0.0)
+    half = np.maximum(np.asarray(scene.arrays.room.table_half_size) - SceneConfig().edge_margin_m, 0.0)
     sides = [np.arange(-(limit // _RASTER_M), limit // _RASTER_M + 1) * _RASTER_M for limit in half]
     places = np.stack([*np.meshgrid(*sides), np.zeros((len(sides[1]), len(sides[0])))], axis=-1).reshape(-1, 3)
     own = _footprints(scene, [slot])

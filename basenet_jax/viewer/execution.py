@@ -78,7 +78,7 @@ class Execution:
 
 def on_table(scene: Scene, slot: int) -> Float[np.ndarray, "4 4"]:
     """An object's frame in W while it stands on the table."""
-    height = float(scene.table.height) + float(scene.object_size[slot, 2]) / 2
+    height = float(scene.room.table_height) + float(scene.object_size[slot, 2]) / 2
     return frame_at(scene.object_pose[slot], height)
 
 

@@ -20,6 +20,7 @@ from basenet_jax.viewer.planned import Awaited, Planned, Shown
 from basenet_jax.viewer.pointing import Target, pose_of
 from basenet_jax.viewer.robot_view import RobotView
 from basenet_jax.viewer.timeline import Timeline
+from basenet_jax.world.boxes import fingerprint
 from basenet_jax.world.scene import NamedScene
 
 OnDrag = Callable[[viser.SceneNodeDragEvent, Target], Coroutine[None, None, None]]
@@ -43,7 +44,7 @@ class Page:
         self._executions: list[Execution | None] = [None, None]  # of the plan, and of the one it is compared with
         api = server.scene
         self.surroundings = Surroundings(api)
-        draw_table(api, scene.arrays.table)
+        draw_table(api, scene.arrays.room)
         place_camera(server.initial_camera)
         self._objects = ObjectViews(api, lambda box, name: self._bind(box, Target(name)))
         self._plans = [PlanView(api, f"/plan{index}", color, index) for index, color in enumerate(PLAN_COLORS)]
@@ -57,8 +58,8 @@ class Page:
             if load_robot(scene.robot) is not self._robot:  # another one, or its file has changed
                 self._remove_robot()
                 self._use_robot(scene)
-            if not _same_table(scene, self._scene):
-                draw_table(self._server.scene, scene.arrays.table)
+            if not _same_room(scene, self._scene):
+                draw_table(self._server.scene, scene.arrays.room)
             self._scene = scene
             self._executions[:] = [None, None]
             self._rest()
@@ -172,8 +173,5 @@ class Page:
             view.remove()
 
 
-def _same_table(first: NamedScene, second: NamedScene) -> bool:
-    return all(
-        np.array_equal(getattr(first.arrays.table, leaf), getattr(second.arrays.table, leaf))
-        for leaf in ("half_size", "height")
-    )
+def _same_room(first: NamedScene, second: NamedScene) -> bool:
+    return fingerprint(first.arrays.room) == fingerprint(second.arrays.room)

@@ -58,7 +58,7 @@ class PlanView:
         self._draw_stops(poses, np.asarray(robot.footprint_half_size))
         who = f"{planned.maker} " if self._second else ""
         texts = [f"{who}picks {short_list(numbers)}" for numbers in stops.values()]
-        self._write(texts, poses, np.asarray(planned.scene.arrays.table.half_size))
+        self._write(texts, poses, np.asarray(planned.scene.arrays.room.table_half_size))
 
     def _draw_path(self, points: Float[np.ndarray, "K 2"]) -> None:
         moved = np.any(np.diff(points, axis=0) != 0, axis=1)

@@ -83,8 +83,8 @@ def planner_for(scene: NamedScene, planner: str, choices: Choices) -> api.SceneP
         ValueError: there is none of that name, or its weights can't be used.
     """
     own = {name: value for name, value in choices.options.items() if name in find_planner(planner).option_names}
-    table, world = scene.arrays.table, choices.world
-    return api.make_planner(planner, robot=scene.robot, table=table, world=world, grid=choices.grid, **own)
+    room, world = scene.arrays.room, choices.world
+    return api.make_planner(planner, robot=scene.robot, room=room, world=world, grid=choices.grid, **own)
 
 
 def judge_plan(

@@ -36,8 +36,8 @@ def hit(scene: NamedScene, origin: ArrayLike, direction: ArrayLike) -> tuple[Tar
         direction: of any length.
     """
     arrays, robot = scene.arrays, load_robot(scene.robot)
-    half_height, half_body = float(arrays.table.height) / 2, float(robot.body_half_size[2])
-    table_frame, table_half = frame_at((0.0, 0.0, 0.0), half_height), [*arrays.table.half_size, half_height]
+    half_height, half_body = float(arrays.room.table_height) / 2, float(robot.body_half_size[2])
+    table_frame, table_half = frame_at((0.0, 0.0, 0.0), half_height), [*arrays.room.table_half_size, half_height]
     base_frame = frame_at(arrays.robot_start, float(robot.body_center[2]))
     boxes = [(None, table_frame, table_half), (Target(None), base_frame, [*robot.footprint_half_size, half_body])]
     boxes += [(Target(n), on_table(arrays, i), arrays.object_size[i] / 2) for i, n in enumerate(scene.names)]

@@ -9,8 +9,9 @@ from jaxtyping import Bool, Float, Int, PRNGKeyArray
 
 from basenet_jax.config import PLACES_AT_ONCE, SceneConfig
 from basenet_jax.robot.model import Robot
+from basenet_jax.world.boxes import Room
 from basenet_jax.world.clearance import base_collides
-from basenet_jax.world.scene import MAX_OBJECTS, OBJECT_CLASSES, Scene, Table, world_grasp
+from basenet_jax.world.scene import MAX_OBJECTS, OBJECT_CLASSES, Scene, world_grasp
 
 # Sizes, grasps of objects that are of no class, drawn in training so that policies serve users' own objects:
 # lower and upper bounds of size x, y, z and grasp x, z, yaw, wider than the five classes'.
@@ -29,7 +30,7 @@ class Objects(NamedTuple):
 def draw_scene(
     key: PRNGKeyArray,
     count: Int[Array, ""] | int,
-    table: Table,
+    room: Room,
     *,
     slots: int = MAX_OBJECTS,
     own_class_share: float = 0.0,
@@ -57,7 +58,7 @@ def draw_scene(
         attempt, _, _, _ = carry
         class_key, place_key, yaw_key = jax.random.split(jax.random.fold_in(redraw_key, attempt), 3)
         objects = _draw_objects(class_key, slots, own_class_share)
-        position, placed = _place(place_key, objects, jnp.arange(slots) < count, table, config)
+        position, placed = _place(place_key, objects, jnp.arange(slots) < count, room, config)
         yaw = jax.random.uniform(yaw_key, (slots, 1), minval=-jnp.pi, maxval=jnp.pi)
         return attempt + 1, objects, jnp.concatenate([position, yaw], axis=-1), placed
 
@@ -70,14 +71,15 @@ def draw_scene(
         object_grasp=objects.grasp,
         object_class=objects.class_index,
         mask=jnp.arange(slots) < count,
+        surface_height=jnp.full(slots, room.table_height),
         robot_start=_draw_start(start_key, config),
-        table=table,
+        room=room,
     )
     return scene, placed
 
 
 def draw_problem(
-    key: PRNGKeyArray, robot: Robot, table: Table, *, own_class_share: float = 0.0, config: SceneConfig = SceneConfig()
+    key: PRNGKeyArray, robot: Robot, room: Room, *, own_class_share: float = 0.0, config: SceneConfig = SceneConfig()
 ) -> tuple[Float[Array, "4"], Float[Array, "3"]]:
     """One base-pose problem: the grasp of one object anywhere on the table, and a collision-free robot pose.
 
@@ -88,10 +90,10 @@ def draw_problem(
     """
     class_key, pose_key, robot_key = jax.random.split(key, 3)
     objects = _draw_objects(class_key, 1, own_class_share)
-    limit = jnp.append(table.half_size - config.edge_margin_m, jnp.pi)
+    limit = jnp.append(room.table_half_size - config.edge_margin_m, jnp.pi)
     pose = limit * jax.random.uniform(pose_key, (1, 3), minval=-1.0)
-    grasp = world_grasp(pose, objects.size, objects.grasp, table.height)
-    return grasp[0], _draw_clear_pose(robot_key, robot, table)
+    grasp = world_grasp(pose, objects.size, objects.grasp, room.table_height)
+    return grasp[0], _draw_clear_pose(robot_key, robot, room)
 
 
 def _draw_objects(key: PRNGKeyArray, slots: int, own_class_share: float) -> Objects:
@@ -116,12 +118,12 @@ def footprint_radius(size: Float[Array, "*batch 3"], config: SceneConfig = Scene
 
 
 def _place(
-    key: PRNGKeyArray, objects: Objects, wanted: Bool[Array, " M"], table: Table, config: SceneConfig
+    key: PRNGKeyArray, objects: Objects, wanted: Bool[Array, " M"], room: Room, config: SceneConfig
 ) -> tuple[Float[Array, "M 2"], Bool[Array, ""]]:
     """Positions of the wanted objects, the largest placed first, and whether all found one."""
     radius = jnp.where(wanted, footprint_radius(objects.size, config), -jnp.inf)
     order = jnp.argsort(-radius)
-    limit = table.half_size - config.edge_margin_m
+    limit = room.table_half_size - config.edge_margin_m
 
     def place_next(carry, item):
         position, placed = carry  # placed[i]: whether object i stands already
@@ -155,7 +157,7 @@ def _draw_start(key: PRNGKeyArray, config: SceneConfig) -> Float[Array, "3"]:
     return jnp.stack([distance * jnp.cos(bearing), distance * jnp.sin(bearing), heading])
 
 
-def _draw_clear_pose(key: PRNGKeyArray, robot: Robot, table: Table) -> Float[Array, "3"]:
+def _draw_clear_pose(key: PRNGKeyArray, robot: Robot, room: Room) -> Float[Array, "3"]:
     """A collision-free base pose; the chance that none of the tries is free is below 1e-12."""
     uniform = jax.random.uniform(key, (PLACES_AT_ONCE + 1, 3))
     tries, in_box = uniform[1:], uniform[0, 0] < 0.5
@@ -164,4 +166,4 @@ def _draw_clear_pose(key: PRNGKeyArray, robot: Robot, table: Table) -> Float[Arr
     disc = jnp.stack([radius * jnp.cos(angle), radius * jnp.sin(angle)], axis=-1)
     heading = (2.0 * tries[:, 2:] - 1.0) * jnp.pi
     poses = jnp.concatenate([jnp.where(in_box, box, disc), heading], axis=-1)
-    return poses[jnp.argmax(~base_collides(robot, poses, table))]
+    return poses[jnp.argmax(~base_collides(robot, poses, room))]

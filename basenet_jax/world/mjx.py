@@ -30,8 +30,9 @@ from basenet_jax.config import PickConfig, TableConfig
 from basenet_jax.robot.kinematics import Vector
 from basenet_jax.robot.model import Robot
 from basenet_jax.world import mujoco_scene
+from basenet_jax.world.boxes import Room
 from basenet_jax.world.mujoco_scene import PARKED
-from basenet_jax.world.scene import MAX_OBJECTS, Scene, Table
+from basenet_jax.world.scene import MAX_OBJECTS, Scene
 
 with contextlib.redirect_stdout(io.StringIO()):  # it reports there that the optional package warp is missing
     from mujoco import mjx
@@ -45,14 +46,14 @@ class MjxScene:
 
     model: Any  # mjx.Model
     blank: Any  # mjx.Data with all objects parked
-    table: Table
+    room: Room
     addresses: tuple[int, ...] = struct.field(pytree_node=False)  # of base pose and joints in qpos
     table_geoms: tuple[int, int] = struct.field(pytree_node=False)  # the table's box, the grown table
     config: PickConfig = struct.field(pytree_node=False)
 
     @classmethod
     def create(
-        cls, robot: Robot, table: Table | None = None, slots: int = MAX_OBJECTS, config: PickConfig = PickConfig()
+        cls, robot: Robot, room: Room | None = None, slots: int = MAX_OBJECTS, config: PickConfig = PickConfig()
     ) -> "MjxScene":
         """Builds the model; call it once.
 
@@ -63,23 +64,23 @@ class MjxScene:
             config: the base's clearance, and up to which distance it counts as touching.
         """
         with jax.ensure_compile_time_eval():
-            first = Table.from_config(TableConfig())
+            first = Room.from_config(TableConfig())
             model = mujoco_scene.build_model(robot, first, np.full((slots, 3), 0.1), config=config)
             addresses = tuple(int(address) for address in mujoco_scene.state_addresses(robot, model))
-            geoms = (model.geom(mujoco_scene.TABLE).id, model.geom(mujoco_scene.KEEP_OUT).id)
+            geoms = (model.geom(f"{mujoco_scene.BOX} 0").id, model.geom(f"{mujoco_scene.KEEP_OUT} 0").id)
             scene = cls(mjx.put_model(model), mjx.make_data(model), first, addresses, geoms, config)
-        return scene if table is None else scene.with_table(table)
+        return scene if room is None else scene.with_table(room)
 
-    def with_table(self, table: Table) -> "MjxScene":
+    def with_table(self, room: Room) -> "MjxScene":
         """The same with another table, which may be traced or vmapped over."""
         box, grown = self.table_geoms
         clearance = self.config.base_clearance_m
-        half_height = table.height / 2
+        half_height = room.table_height / 2
         sizes, positions = self.model.geom_size, self.model.geom_pos
-        sizes = sizes.at[box].set(jnp.append(table.half_size, half_height).astype(sizes.dtype))
-        sizes = sizes.at[grown, :2].set((table.half_size + clearance).astype(sizes.dtype))
+        sizes = sizes.at[box].set(jnp.append(room.table_half_size, half_height).astype(sizes.dtype))
+        sizes = sizes.at[grown, :2].set((room.table_half_size + clearance).astype(sizes.dtype))
         positions = positions.at[box, 2].set(half_height)
-        return self.replace(model=self.model.replace(geom_size=sizes, geom_pos=positions), table=table)
+        return self.replace(model=self.model.replace(geom_size=sizes, geom_pos=positions), room=room)
 
     def place(self, scene: Scene, base_pose: Float[Array, "3"], joints: Float[Array, " dof"]) -> mjx.Data:
         """One state with frames computed, unbatched; vmap it over scenes, poses and joints.
@@ -92,7 +93,7 @@ class MjxScene:
         """
         count = scene.object_pose.shape[-2]
         half_yaw = 0.5 * scene.object_pose[:, 2]
-        z = self.table.height + 0.5 * scene.object_size[:, 2]
+        z = scene.surface_height + 0.5 * scene.object_size[:, 2]
         at = jnp.concatenate([scene.object_pose[:, :2], z[:, None]], axis=-1)
         turn = jnp.zeros((count, 4)).at[:, 0].set(jnp.cos(half_yaw)).at[:, 3].set(jnp.sin(half_yaw))
         at = jnp.where(scene.mask[:, None], at, jnp.array(PARKED))
@@ -158,7 +159,7 @@ def _materialise(function: Callable) -> Callable:
     return wrapped
 
 
-def arm_touches(robot: Robot, base_pose: Vector, joints: Float[Array, "dof *batch"], table: Table) -> Array:
+def arm_touches(robot: Robot, base_pose: Vector, joints: Float[Array, "dof *batch"], room: Room) -> Array:
     """Rule 4 by MJX's contacts, for `pick(..., arm_check=arm_touches)`.
 
     Frames and shapes are those of the robot's MJCF, whatever its arrays say.
@@ -173,12 +174,12 @@ def arm_touches(robot: Robot, base_pose: Vector, joints: Float[Array, "dof *batc
     scene = MjxScene.create(robot.replace(footprint_half_size=np.ones(2)), slots=0)
     states = jnp.stack(jnp.broadcast_arrays(*base_pose, *joints), axis=-1)
     shape = states.shape[:-1]
-    half_size = jnp.broadcast_to(table.half_size, (*shape, 2)).reshape(-1, 2)
-    tables = Table(half_size=half_size, height=jnp.broadcast_to(table.height, shape).reshape(-1))
+    half_size = jnp.broadcast_to(room.table_half_size, (*shape, 2)).reshape(-1, 2)
+    rooms = Room.of_table(half_size=half_size, height=jnp.broadcast_to(room.table_height, shape).reshape(-1))
 
-    def touches(case: tuple[Array, Table]) -> Array:
-        state, table = case
-        placed = scene.with_table(table)
+    def touches(case: tuple[Array, Room]) -> Array:
+        state, room = case
+        placed = scene.with_table(room)
         return placed.arm_touches(placed.move(placed.blank, state[:3], state[3:]))
 
-    return jax.lax.map(touches, (states.reshape(-1, states.shape[-1]), tables), batch_size=CHUNK).reshape(shape)
+    return jax.lax.map(touches, (states.reshape(-1, states.shape[-1]), rooms), batch_size=CHUNK).reshape(shape)

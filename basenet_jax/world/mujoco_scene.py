@@ -1,4 +1,4 @@
-"""The scene in MuJoCo: a model of table, robot and objects, and contact queries in float64 for replay and the judge.
+"""The scene in MuJoCo: a model of room, robot and objects, and contact queries in float64 for replay and the judge.
 
 Contacts are declared pair by pair and nothing else collides: the base's footprint with the table grown by the base's
 clearance (rule 1), and every capsule of arm and gripper with the table's box and the robot's body box (rule 4).
@@ -7,6 +7,7 @@ clearance (rule 1), and every capsule of arm and gripper with the table's box an
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled module comes without type stubs.)
 
+import jax
 import mujoco
 import numpy as np
 from jax.typing import ArrayLike
@@ -15,49 +16,51 @@ from jaxtyping import Bool, Float
 from basenet_jax.config import PickConfig
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.robot_mjcf import BASE, BASE_JOINTS, BODY, capsule_name
-from basenet_jax.world.scene import Scene, Table
+from basenet_jax.world.boxes import Room, blocks
+from basenet_jax.world.scene import Scene
 
-TABLE, KEEP_OUT, FOOTPRINT = "table", "keep out", "footprint"
+BOX, KEEP_OUT, FOOTPRINT = "box", "keep out", "footprint"  # the first two with the number of the box
 ROBOT = "robot/"  # before the names of everything that comes from the robot's MJCF
 BASE_DIMENSION, ARM_DIMENSION = 1, 3  # of contacts, as MuJoCo calls it: tells those of rule 1 and rule 4 apart
 PARKED = (0.0, 0.0, -10.0)  # m: where unused objects wait, below the floor
 HIDDEN_GROUP = 4  # of geoms that only contacts need; pictures leave groups above 2 out by default
 SLAB = 0.5  # m, half the height of footprint and grown table: rule 1 is planar, so any height does
 MARGIN = 1e-4  # m: contacts up to this distance are reported, so that a distance of exactly 0 is among them
+_WOOD, _SOLID, _MARKED = (0.72, 0.58, 0.42, 1.0), (0.62, 0.64, 0.66, 1.0), (0.85, 0.55, 0.45, 0.6)
 OBJECT_COLORS = ((0.80, 0.33, 0.24), (0.93, 0.93, 0.90), (0.90, 0.73, 0.20), (0.30, 0.49, 0.70), (0.75, 0.45, 0.60))
 
 
 def build_model(
     robot: Robot,
-    table: Table,
+    room: Room,
     object_size: Float[np.ndarray, "M 3"] | None = None,
     object_class: ArrayLike | None = None,
     config: PickConfig = PickConfig(),
 ) -> mujoco.MjModel:
-    """The MuJoCo model of a table, a robot and objects (mocap bodies "object 0", ... parked below the floor).
+    """The MuJoCo model of a room, a robot and objects (mocap bodies "object 0", ... parked below the floor).
 
     Frames of arm and body and their shapes are the MJCF's; of the robot's arrays only the footprint is used. Objects
     come first in the list of mocap bodies, so `mocap_pos[i]` is object i's centre.
 
     Args:
         robot: its MJCF is `robot_mjcf`'s.
-        table: one table (its leaves unbatched and concrete).
+        room: one room (its leaves unbatched and concrete).
         object_size: x, y, z (m) of each object's box; None for no objects.
         object_class: of each object, for its colour; None paints them all alike.
-        config: the base's clearance from the table.
+        config: the base's clearance from boxes.
     """
     spec = mujoco.MjSpec()
     spec.worldbody.add_frame().attach_body(mujoco.MjSpec.from_string(robot.model_xml).body(BASE), ROBOT, "")
     for geom in spec.geoms:
         geom.contype = geom.conaffinity = 0
-    _add_surroundings(spec, robot, table, config)
+    _add_surroundings(spec, robot, room, config)
     sizes = np.zeros((0, 3)) if object_size is None else np.asarray(object_size, float)
     colors = np.zeros(len(sizes), int) if object_class is None else np.asarray(object_class)
     for index, (size, color) in enumerate(zip(sizes, colors, strict=True)):
         body = spec.worldbody.add_body(name=f"object {index}", mocap=True, pos=PARKED)
         rgba = (*OBJECT_COLORS[color % len(OBJECT_COLORS)], 1.0)
         _add_box(body, f"object {index}", size / 2, (0.0, 0.0, 0.0), rgba=rgba)
-    _add_pairs(spec, robot)
+    _add_pairs(spec, robot, room)
     return spec.compile()
 
 
@@ -66,10 +69,10 @@ def scene_model(robot: Robot, scene: Scene, config: PickConfig = PickConfig()) -
     start with its arm at home; unused slots are left out."""
     used = np.asarray(scene.mask)
     pose, size = np.asarray(scene.object_pose, float)[used], np.asarray(scene.object_size, float)[used]
-    model = build_model(robot, scene.table, size, np.asarray(scene.object_class)[used], config)
+    model = build_model(robot, scene.room, size, np.asarray(scene.object_class)[used], config)
     data = mujoco.MjData(model)
     data.mocap_pos[:, :2] = pose[:, :2]
-    data.mocap_pos[:, 2] = float(scene.table.height) + size[:, 2] / 2
+    data.mocap_pos[:, 2] = np.asarray(scene.surface_height, float)[used] + size[:, 2] / 2
     data.mocap_quat[:, 0], data.mocap_quat[:, 3] = np.cos(pose[:, 2] / 2), np.sin(pose[:, 2] / 2)
     data.qpos[state_addresses(robot, model)] = [*np.asarray(scene.robot_start), *np.asarray(robot.home)]
     mujoco.mj_forward(model, data)
@@ -86,12 +89,12 @@ class MujocoChecker:
 
     Args:
         robot: the robot.
-        table: one concrete table.
+        room: one concrete room.
         config: the base's clearance, and up to which distance it counts as touching.
     """
 
-    def __init__(self, robot: Robot, table: Table, config: PickConfig = PickConfig()):
-        self.model = build_model(robot, table, config=config)
+    def __init__(self, robot: Robot, room: Room, config: PickConfig = PickConfig()):
+        self.model = build_model(robot, room, config=config)
         self.data = mujoco.MjData(self.model)
         self._home = np.asarray(robot.home)
         self._addresses = state_addresses(robot, self.model)
@@ -125,7 +128,7 @@ class MujocoChecker:
         return result
 
 
-def _add_surroundings(spec: mujoco.MjSpec, robot: Robot, table: Table, config: PickConfig) -> None:
+def _add_surroundings(spec: mujoco.MjSpec, robot: Robot, room: Room, config: PickConfig) -> None:
     world, base = spec.worldbody, spec.body(ROBOT + BASE)
     world.add_light(pos=(0.0, 0.0, 4.0), dir=(0.0, 0.0, -1.0))
     spec.visual.headlight.ambient = (0.4, 0.4, 0.4)
@@ -137,11 +140,16 @@ def _add_surroundings(spec: mujoco.MjSpec, robot: Robot, table: Table, config: P
         contype=0,
         conaffinity=0,
     )
-    half_x, half_y = np.asarray(table.half_size, float)
-    half_z = float(table.height) / 2
-    _add_box(world, TABLE, (half_x, half_y, half_z), (0.0, 0.0, half_z), rgba=(0.72, 0.58, 0.42, 1.0))
-    grown = (half_x + config.base_clearance_m, half_y + config.base_clearance_m, SLAB)
-    _add_box(world, KEEP_OUT, grown, (0.0, 0.0, SLAB), group=HIDDEN_GROUP)
+    boxes = jax.tree.map(np.asarray, jax.device_get(room.boxes))
+    for index in np.flatnonzero(boxes.blocks_base | boxes.blocks_arm):
+        (x, y, yaw), (half_x, half_y) = boxes.pose[index].astype(float), boxes.half_size[index].astype(float)
+        low, high = float(boxes.low[index]), float(boxes.high[index])
+        turned = (np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2))
+        looks = {"rgba": _WOOD if boxes.bears_objects[index] else _SOLID if boxes.blocks_arm[index] else _MARKED}
+        half = (half_x, half_y, (high - low) / 2)
+        _add_box(world, f"{BOX} {index}", half, (x, y, (low + high) / 2), quat=turned, **looks)
+        grown = (half_x + config.base_clearance_m, half_y + config.base_clearance_m, SLAB)
+        _add_box(world, f"{KEEP_OUT} {index}", grown, (x, y, SLAB), quat=turned, group=HIDDEN_GROUP)
     _add_box(base, FOOTPRINT, (*robot.footprint_half_size, SLAB), (0.0, 0.0, SLAB), group=HIDDEN_GROUP)
 
 
@@ -150,8 +158,12 @@ def _add_box(body, name: str, half_size, position, **looks) -> None:
     body.add_geom(name=name, type=box, size=half_size, pos=position, contype=0, conaffinity=0, **looks)
 
 
-def _add_pairs(spec: mujoco.MjSpec, robot: Robot) -> None:
-    spec.add_pair(geomname1=FOOTPRINT, geomname2=KEEP_OUT, condim=BASE_DIMENSION, margin=MARGIN)
+def _add_pairs(spec: mujoco.MjSpec, robot: Robot, room: Room) -> None:
+    boxes, body = jax.tree.map(np.asarray, jax.device_get(room.boxes)), spec.geom(ROBOT + BODY)
+    for index in np.flatnonzero(blocks(boxes, body.pos[2] + body.size[2])):
+        name = f"{KEEP_OUT} {index}"
+        spec.add_pair(geomname1=FOOTPRINT, geomname2=name, condim=BASE_DIMENSION, margin=MARGIN)
+    solid = [f"{BOX} {index}" for index in np.flatnonzero(boxes.blocks_arm)]
     for index, meets_body in enumerate(robot.capsule_meets_body):
-        for box in (TABLE, ROBOT + BODY) if meets_body else (TABLE,):
+        for box in (*solid, ROBOT + BODY) if meets_body else solid:
             spec.add_pair(geomname1=ROBOT + capsule_name(index), geomname2=box, condim=ARM_DIMENSION, margin=MARGIN)

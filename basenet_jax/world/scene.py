@@ -1,4 +1,4 @@
-"""Scenes: a table, objects with their top-down grasps, and where the robot starts, as one pytree."""
+"""Scenes: a room, objects with their top-down grasps, and where the robot starts, as one pytree."""
 
 import math
 from dataclasses import dataclass
@@ -9,8 +9,8 @@ from jaxtyping import Bool, Float, Int
 
 from basenet_jax import struct
 from basenet_jax.config import MAX_OBJECTS as MAX_OBJECTS
-from basenet_jax.config import TableConfig
 from basenet_jax.trigonometry import sin_cos
+from basenet_jax.world.boxes import Room
 
 
 @dataclass(frozen=True)
@@ -34,18 +34,8 @@ OBJECT_CLASSES = (
 )
 
 
-@struct.dataclass
-class Table:
-    """The table's box, centred on W's origin."""
-
-    half_size: Float[Array, "*batch 2"]  # m, along x and y
-    height: Float[Array, "*batch"]  # m, of its top
-
-    @classmethod
-    def from_config(cls, config: TableConfig = TableConfig()) -> "Table":
-        """The table of a config."""
-        half_size = jnp.array([config.length_m / 2, config.width_m / 2])
-        return cls(half_size=half_size, height=jnp.array(config.height_m))
+# Leaves of a scene with one row for each slot.
+BY_SLOT = ("object_pose", "object_size", "object_grasp", "object_class", "mask", "surface_height")
 
 
 @struct.dataclass
@@ -57,13 +47,14 @@ class Scene:
     object_grasp: Float[Array, "*batch M 3"]  # tool0's x, z (m) and yaw (rad) in the object's frame
     object_class: Int[Array, "*batch M"]  # index into OBJECT_CLASSES; -1: a class of the user's own
     mask: Bool[Array, "*batch M"]  # which slots hold an object
+    surface_height: Float[Array, "*batch M"]  # m, of what the object stands on
     robot_start: Float[Array, "*batch 3"]
-    table: Table
+    room: Room
 
     @property
     def grasps(self) -> Float[Array, "*batch M 4"]:
         """tool0's x, y, z (m) and yaw (rad) in W at each object's grasp."""
-        return world_grasp(self.object_pose, self.object_size, self.object_grasp, self.table.height[..., None])
+        return world_grasp(self.object_pose, self.object_size, self.object_grasp, self.surface_height)
 
 
 @dataclass(frozen=True)
@@ -80,11 +71,11 @@ def world_grasp(
     pose: Float[Array, "*batch 3"],
     size: Float[Array, "*batch 3"],
     grasp: Float[Array, "*batch 3"],
-    table_height: Float[Array, "*batch"],
+    surface_height: Float[Array, "*batch"],
 ) -> Float[Array, "*batch 4"]:
     """tool0's x, y, z and yaw in W at the grasp: R_W_tool0 = Rz(yaw) Rx(pi), the tool's z pointing down."""
     sine, cosine = sin_cos(pose[..., 2])
     x = pose[..., 0] + cosine * grasp[..., 0]
     y = pose[..., 1] + sine * grasp[..., 0]
-    z = table_height + 0.5 * size[..., 2] + grasp[..., 1]
+    z = surface_height + 0.5 * size[..., 2] + grasp[..., 1]
     return jnp.stack([x, y, z, pose[..., 2] + grasp[..., 2]], axis=-1)

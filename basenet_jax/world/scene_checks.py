@@ -7,9 +7,9 @@ from basenet_jax.config import PickConfig
 from basenet_jax.documents.fields import describe, field_error
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.reading import DEFAULT_ROBOT, load_robot, packaged_robots
+from basenet_jax.world.boxes import Room
 from basenet_jax.world.clearance import compiled_base_collides
-from basenet_jax.world.scene import Table
-from basenet_jax.world.scene_fields import CLASSES, ObjectFields, RobotFields, SceneFields, make_table, size_of
+from basenet_jax.world.scene_fields import CLASSES, ObjectFields, RobotFields, SceneFields, make_room, size_of
 from basenet_jax.world.spacing import Footprints, gaps, needed_distance
 
 _SIZE_AND_GRASP = "are size and grasp, both and without class"
@@ -37,7 +37,7 @@ def check_scene(scene: SceneFields, robot: str | None = None) -> str:
                 raise field_error(f"objects[{index}].pose[{axis}]", found, f"is {-side / 2} to {side / 2}")
     _check_apart(scene.objects)
     reference = _choose_robot(scene.robot, robot)
-    _check_start(load_robot(reference), scene.robot, make_table(scene.table))
+    _check_start(load_robot(reference), scene.robot, make_room(scene.table))
     return reference
 
 
@@ -95,9 +95,9 @@ def _choose_robot(fields: RobotFields, robot: str | None) -> str:
     return fields.model
 
 
-def _check_start(robot: Robot, fields: RobotFields, table: Table) -> None:
+def _check_start(robot: Robot, fields: RobotFields, room: Room) -> None:
     rule = PickConfig()
     start = np.array(fields.start, np.float32)
-    if compiled_base_collides(robot, start, table, rule.base_clearance_m, rule.touching_m):
+    if compiled_base_collides(robot, start, room, rule.base_clearance_m, rule.touching_m):
         found = f"{list(fields.start)}, where the base of {robot.name} touches the table or its margin"
         raise field_error("robot.start", found, f"are poses more than {rule.base_clearance_m} m clear of the table")

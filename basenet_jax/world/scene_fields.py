@@ -1,12 +1,13 @@
 """The fields of the scene file, `basenet-scene/1`."""
 
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from msgspec import UNSET, Meta, Struct, UnsetType, field
 
 from basenet_jax.config import TableConfig
-from basenet_jax.world.scene import MAX_OBJECTS, OBJECT_CLASSES, Table
+from basenet_jax.world.boxes import Room
+from basenet_jax.world.scene import MAX_OBJECTS, OBJECT_CLASSES
 
 FORMAT = "basenet-scene/1"
 CLASSES = {kind.name: kind for kind in OBJECT_CLASSES}
@@ -101,7 +102,6 @@ def grasp_of(item: ObjectFields) -> tuple[float, float, float]:
     return item.grasp.x, item.grasp.z, item.grasp.yaw
 
 
-def make_table(table: TableFields) -> Table:
-    """The table in float32, on the host."""
-    sides: Any = (np.array(table.size, np.float32) / 2, np.array(table.height, np.float32))
-    return Table(*sides)
+def make_room(table: TableFields) -> Room:
+    """The table's room in float32, on the host."""
+    return Room.of_table(np.array(table.size, np.float32) / 2, np.float32(table.height), np)

@@ -25,7 +25,7 @@ from basenet_jax.world.scene_fields import (
     SceneFields,
     TableFields,
     grasp_of,
-    make_table,
+    make_room,
     size_of,
 )
 
@@ -89,9 +89,10 @@ def _from_fields(fields: SceneFields, robot: str) -> NamedScene:
         "object_grasp": np.array([grasp_of(item) for item in objects], np.float32),
         "object_class": np.array([classes.get(str(item.class_), -1) for item in objects], np.int32),
         "mask": np.ones(len(objects), bool),
+        "surface_height": np.full(len(objects), fields.table.height, np.float32),
         "robot_start": np.array(fields.robot.start, np.float32),
     }
-    scene = jax.device_put(Scene(**arrays, table=make_table(fields.table)))
+    scene = jax.device_put(Scene(**arrays, room=make_room(fields.table)))
     named = None if isinstance(fields.robot.model, msgspec.UnsetType) else fields.robot.model
     other = named if named != robot_name(robot) else None
     return NamedScene(scene, tuple(item.name for item in fields.objects), robot, other)
@@ -102,7 +103,7 @@ def _to_fields(scene: NamedScene) -> SceneFields:
     count = len(scene.names)
     if list(np.flatnonzero(arrays.mask)) != list(range(count)):
         raise ValueError(f"objects: found {count} names for the slots {np.flatnonzero(arrays.mask).tolist()}")
-    table = TableFields(tuple(shortest(2 * arrays.table.half_size)), shortest(arrays.table.height))
+    table = TableFields(tuple(shortest(2 * arrays.room.table_half_size)), shortest(arrays.room.table_height))
     robot = RobotFields(model=robot_name(scene.robot), start=tuple(shortest(arrays.robot_start)))
     objects = [_object_fields(arrays, slot, name) for slot, name in enumerate(scene.names)]
     return SceneFields(table=table, robot=robot, objects=objects)

@@ -17,7 +17,7 @@ class NearestStop:
 
     def __init__(self, setup: PlannerSetup):
         self.robot, self.world = setup.robot, setup.world
-        self.stops = grid_poses(setup.robot, setup.table, setup.grid, setup.world.pick)
+        self.stops = grid_poses(setup.robot, setup.room, setup.grid, setup.world.pick)
         self.drive = jax.jit(navigation_time, static_argnames="config")
 
     def __call__(self, scene: Scene, key: Array) -> Plan:
@@ -26,7 +26,7 @@ class NearestStop:
         serves, config = np.array(candidates.serves & scene.mask), self.world.navigation
         pose, order, poses = scene.robot_start, [], []
         while serves.any():
-            drives = np.asarray(self.drive(self.robot, pose, candidates.base_pose, scene.table, config=config))
+            drives = np.asarray(self.drive(self.robot, pose, candidates.base_pose, scene.room, config=config))
             drives = np.where(serves.any(axis=1), drives, np.inf)
             nearest = np.argmin(drives)
             if np.isinf(drives[nearest]):  # what is left can't be driven to

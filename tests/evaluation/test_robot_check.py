@@ -23,8 +23,8 @@ from tests.robot.conftest import ASSETS
 
 
 @pytest.fixture(scope="module")
-def grasps(robot, table):
-    return random_grasps(robot, table, 24, 0)
+def grasps(robot, room):
+    return random_grasps(robot, room, 24, 0)
 
 
 @pytest.fixture
@@ -44,8 +44,8 @@ def make(tmp_path):
     return make
 
 
-def test_the_packaged_robot_serves_the_table(robot, table, grasps):
-    served = serve(robot, grasps, aligned_poses(robot, table), table)
+def test_the_packaged_robot_serves_the_table(robot, room, grasps):
+    served = serve(robot, grasps, aligned_poses(robot, room), room)
     assert served.share == 1.0
     assert np.all((served.pick_time > 5.0) & (served.pick_time < 20.0))
 
@@ -69,14 +69,14 @@ def test_inverse_kinematics_is_solved_from_the_lattice(robot):
     assert solved_share(narrow.replace(home=narrow.joint_lower)) == 1.0
 
 
-def test_an_arm_that_rests_in_the_body_or_over_the_table_is_noticed(robot, table):
-    assert rest_faults(robot, table) == []
+def test_an_arm_that_rests_in_the_body_or_over_the_table_is_noticed(robot, room):
+    assert rest_faults(robot, room) == []
     high = robot.replace(body_half_size=robot.body_half_size + np.array([0.0, 0.0, 0.4]))
-    [fault] = rest_faults(high, table)
+    [fault] = rest_faults(high, room)
     assert fault.startswith("home_degrees: found at home (shoulder_pan -180, ")
     assert "touches the robot's body" in fault
     low = robot.replace(mount_position=robot.mount_position + np.array([0.6, 0.0, -0.3]))
-    assert "beyond the footprint below a table's top at 0.75 m" in rest_faults(low, table)[-1]
+    assert "beyond the footprint below a table's top at 0.75 m" in rest_faults(low, room)[-1]
 
 
 def limited(text, ranges):
@@ -100,11 +100,11 @@ CAUSES = [
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("cause", "limits", "change", "fields"), CAUSES, ids=[cause[:10] for cause, *_ in CAUSES])
-def test_the_cause_of_serving_nothing_is_found(make, table, grasps, cause, limits, change, fields):
+def test_the_cause_of_serving_nothing_is_found(make, room, grasps, cause, limits, change, fields):
     robot = read_robot(make(lambda text: limited(text, limits).replace(*change), **fields))
-    served = serve(robot, grasps[:8], aligned_poses(robot, table)[::3], table)
+    served = serve(robot, grasps[:8], aligned_poses(robot, room)[::3], room)
     assert served.share == 0.0
-    causes = find_causes(robot, grasps[:8], table)
+    causes = find_causes(robot, grasps[:8], room)
     assert causes, Reason(int(served.farthest[0])).name
     assert causes[0].what.startswith(cause)
 

@@ -16,6 +16,7 @@ from basenet_jax.evaluation.table import compare
 from basenet_jax.planners import protocol
 from basenet_jax.planners.registry import PLANNERS
 from basenet_jax.progress import PlainReporter
+from basenet_jax.world.boxes import Room
 from tests import judged
 from tests.evaluation.fake_planners import FAKES, Double, Fixed
 
@@ -149,13 +150,13 @@ def test_scenes_beyond_the_timed_ones_are_planned_once_and_together_where_the_pl
 def test_every_table_has_its_own_planner(setup, batch):
     heights = jnp.array([0.75, 0.6, 0.75])
     scenes = SceneSet(
-        ("a", "b", "c"), dataclasses.replace(batch, table=dataclasses.replace(batch.table, height=heights))
+        ("a", "b", "c"), dataclasses.replace(batch, room=Room.of_table(batch.room.table_half_size, heights))
     )
     planners = Planners({"fixed": Fixed}, setup)
-    made: list[Any] = [planners.get("fixed", scenes.scene(index).table) for index in range(3)]
+    made: list[Any] = [planners.get("fixed", scenes.scene(index).room) for index in range(3)]
     assert made[0] is made[2]
     assert made[0] is not made[1]
-    assert float(made[1].setup.table.height) == pytest.approx(0.6)
+    assert float(made[1].setup.room.table_height) == pytest.approx(0.6)
 
 
 def test_all_planners_or_those_named():

@@ -51,7 +51,7 @@ def test_reset_draws_a_fresh_scene_for_every_key(env, episodes):
 
 def test_robot_starts_free_of_the_table_half_of_the_time_near_it(env, episodes):
     pose = episodes[0].info["robot_pose"]
-    assert not bool(jnp.any(base_collides(env.robot, pose, env.table)))
+    assert not bool(jnp.any(base_collides(env.robot, pose, env.room)))
     assert float(jnp.max(jnp.hypot(pose[:, 0], pose[:, 1]))) <= 3.0
     near = float(jnp.mean((jnp.abs(pose[:, 0]) <= 2.0) & (jnp.abs(pose[:, 1]) <= 1.5)))
     assert 0.6 < near < 0.8, "half by construction, and some of the others by chance"
@@ -96,7 +96,7 @@ def test_guesses_make_sense_and_succeed_far_more_often(env, step, episodes):
     assert guess.shape == action.shape
     assert float(jnp.max(jnp.abs(guess))) <= 1.0
     base_pose = base_pose_from_action(guess, start.info["grasp"], env.frame)
-    clear = ~base_collides(env.robot, base_pose, env.table, env.world.pick.base_clearance_m)
+    clear = ~base_collides(env.robot, base_pose, env.room, env.world.pick.base_clearance_m)
     assert float(jnp.mean(clear & within_reach(env.robot, base_pose, start.info["grasp"]))) > 0.98
     succeeded = float(jnp.mean(step(start, guess).metrics["success"]))
     assert succeeded > 2.0 * float(jnp.mean(end.metrics["success"]))

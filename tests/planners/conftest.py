@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from basenet_jax.planners import basenet, dp, reachability, refined
+from basenet_jax.world.scene import BY_SLOT
 from tests import compiled
 
 
@@ -32,9 +33,9 @@ def setup(robot):
 
 
 @pytest.fixture(scope="session")
-def random_scene(table):
+def random_scene(room):
     """(seed, number of objects) -> a scene of six slots, on the host."""
-    return lambda seed, count=compiled.SLOTS: compiled.draw_scene(seed, count, table)
+    return lambda seed, count=compiled.SLOTS: compiled.draw_scene(seed, count, room)
 
 
 @pytest.fixture(scope="session")
@@ -55,7 +56,7 @@ def spoilt():
 
     def make(scene):
         fields = {}
-        for name in ("object_pose", "object_size", "object_grasp", "object_class"):
+        for name in set(BY_SLOT) - {"mask"}:
             fields[name] = np.array(getattr(scene, name))
             fields[name][~scene.mask] = 7
         return dataclasses.replace(scene, **fields)

@@ -4,23 +4,23 @@ import pytest
 
 from basenet_jax.config import AlignedConfig
 from basenet_jax.planners.aligned_stops import aligned_poses
-from basenet_jax.world.scene import Table
+from basenet_jax.world.boxes import Room
 from tests.compiled import base_collides
 
-TABLES = [Table.from_config(), Table(jnp.array([0.3, 0.9]), jnp.array(0.6))]
+TABLES = [Room.from_config(), Room.of_table(jnp.array([0.3, 0.9]), jnp.array(0.6))]
 
 
 @pytest.mark.parametrize("table", TABLES)
-def test_stops_are_as_near_to_the_table_as_is_allowed(robot, table):
-    poses = aligned_poses(robot, table, AlignedConfig(step_m=0.25, gap_m=1e-3))
-    assert not np.any(base_collides(robot, poses, table))
-    inside = np.abs(poses[:, :2]) < np.asarray(table.half_size)
+def test_stops_are_as_near_to_the_table_as_is_allowed(robot, room):
+    poses = aligned_poses(robot, room, AlignedConfig(step_m=0.25, gap_m=1e-3))
+    assert not np.any(base_collides(robot, poses, room))
+    inside = np.abs(poses[:, :2]) < np.asarray(room.table_half_size)
     for axis in (0, 1):
         beside = inside[:, 1 - axis]  # those that face a side, not a corner
         nearer = poses[beside]
         nearer[:, axis] -= np.sign(nearer[:, axis]) * 2e-3
         assert len(nearer) >= 8
-        assert np.all(base_collides(robot, nearer, table))
+        assert np.all(base_collides(robot, nearer, room))
 
 
 def test_they_are_the_same_seen_from_the_other_side(robot):

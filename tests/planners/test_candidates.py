@@ -8,7 +8,7 @@ import pytest
 from basenet_jax.config import GridConfig, TableConfig
 from basenet_jax.planners.candidates import grid_poses
 from basenet_jax.task.picking import Reason
-from basenet_jax.world.scene import Table
+from basenet_jax.world.boxes import Room
 from tests import compiled
 from tests.oracles import picking as oracle
 from tests.oracles.clearance import base_clearance
@@ -32,7 +32,7 @@ def test_all_clear_poses_of_the_grid(robot, grid, size):
                 continue
             poses = [(x, y, t * 2 * math.pi / grid.turns) for t in range(grid.turns)]
             expected += [pose for pose in poses if base_clearance(pose, size) > 1e-5]
-    found = grid_poses(robot, Table.from_config(TableConfig(length_m=size[0], width_m=size[1])), grid)
+    found = grid_poses(robot, Room.from_config(TableConfig(length_m=size[0], width_m=size[1])), grid)
     assert found.shape == (len(expected), 3)
     assert found.dtype == np.float32
     assert found[:, 2].min() > -math.pi - 1e-6
@@ -45,8 +45,8 @@ def test_all_clear_poses_of_the_grid(robot, grid, size):
     assert keys(found) == keys(expected)
 
 
-def test_the_papers_grid(robot, table):
-    poses = grid_poses(robot, table)
+def test_the_papers_grid(robot, room):
+    poses = grid_poses(robot, room)
     assert len(poses) == 7736
     assert np.abs(poses[:, 0]).max() == pytest.approx(2.2)
     assert np.abs(poses[:, 1]).max() == pytest.approx(1.6)

@@ -23,9 +23,9 @@ def setup(robot):
 
 
 @pytest.fixture(scope="module")
-def scenes(table):
+def scenes(room):
     """Of three objects, in three slots."""
-    drawn = (compiled.draw_scene(seed, 3, table, slots=3) for seed in (0, 1, 2))
+    drawn = (compiled.draw_scene(seed, 3, room, slots=3) for seed in (0, 1, 2))
     return jax.tree.map(lambda *x: np.stack(x), *drawn)
 
 
@@ -102,9 +102,9 @@ def test_empty_slots_change_nothing(setup, scenes):
     assert np.asarray(wide.object_index[3:]).tolist() == [-1, -1]
 
 
-def test_too_many_objects_are_refused_with_what_else_to_use(setup, table):
+def test_too_many_objects_are_refused_with_what_else_to_use(setup, room):
     count = MAX_OBJECTS + 1
-    scene = compiled.with_slots(compiled.draw_scene(0, 3, table), count)
+    scene = compiled.with_slots(compiled.draw_scene(0, 3, room), count)
     scene = dataclasses.replace(scene, mask=np.ones(count, bool))
     with pytest.raises(PlanningError, match=f"objects: found {count}.*basenet"):
         Dp(setup)(scene, jax.random.key(0))

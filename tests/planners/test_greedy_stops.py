@@ -15,7 +15,7 @@ def plainly(robot, scene, candidates):
     excess = np.where(serves, pick, 0.0) - np.where(serves.any(axis=0), pick.min(axis=0), 0.0)
     pose, remaining, stops = scene.robot_start, set(np.flatnonzero(scene.mask).tolist()), []
     while remaining:
-        drive = compiled.navigation_time(robot, pose, candidates.base_pose, scene.table)
+        drive = compiled.navigation_time(robot, pose, candidates.base_pose, scene.room)
         cost = [
             drive[p] - sum(WORTH - excess[p, o] for o in remaining if serves[p, o])
             if any(serves[p, o] for o in remaining)

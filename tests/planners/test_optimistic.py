@@ -16,8 +16,8 @@ from tests import compiled
 
 @pytest.fixture(scope="module")
 def graph(setup):
-    poses = aligned_poses(setup.robot, setup.table, compiled.ALIGNED)
-    return jax.jit(stop_graph)(setup.robot, setup.table, jnp.asarray(poses))
+    poses = aligned_poses(setup.robot, setup.room, compiled.ALIGNED)
+    return jax.jit(stop_graph)(setup.robot, setup.room, jnp.asarray(poses))
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +41,7 @@ def settled(setup, graph, scenes):
 
     @jax.jit
     def run(pick_time):
-        return settle(setup.robot, setup.table, graph, scenes, pick_time, choose, setup.world, at_once=2)
+        return settle(setup.robot, setup.room, graph, scenes, pick_time, choose, setup.world, at_once=2)
 
     return run
 

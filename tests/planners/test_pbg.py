@@ -13,7 +13,7 @@ from basenet_jax.planners.candidates import Candidates
 from basenet_jax.planners.pbg import Pbg, nearest_first
 from basenet_jax.planners.reachability import MapStore, map_candidates
 from basenet_jax.task.picking import Reason
-from basenet_jax.world.scene import Table
+from basenet_jax.world.boxes import Room
 from tests import compiled
 from tests.oracles.navigation import navigate
 
@@ -142,8 +142,8 @@ def test_empty_slots_change_nothing(pbg, random_scene, spoilt):
 
 
 def test_a_table_that_fills_the_grid_leaves_nothing_to_choose(setup, random_scene):
-    huge = Table(half_size=jnp.array([3.0, 3.0]), height=jnp.array(0.75))
-    scene = dataclasses.replace(random_scene(4, count=5), table=huge)
-    plan = Pbg(setup.with_table(huge), checked=False)(scene, KEY)
+    huge = Room.of_table(half_size=jnp.array([3.0, 3.0]), height=jnp.array(0.75))
+    scene = dataclasses.replace(random_scene(4, count=5), room=huge)
+    plan = Pbg(setup.with_room(huge), checked=False)(scene, KEY)
     assert not np.any(plan.served)
     assert np.asarray(plan.reason).tolist() == 5 * [Reason.BASE_COLLIDES] + [Reason.NONE]

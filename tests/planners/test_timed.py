@@ -24,8 +24,8 @@ class Dawdler:
 
 
 @pytest.fixture
-def scene(table):
-    return compiled.draw_scene(0, 2, table, slots=2)
+def scene(room):
+    return compiled.draw_scene(0, 2, room, slots=2)
 
 
 @pytest.fixture

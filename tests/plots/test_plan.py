@@ -21,8 +21,8 @@ STOPS = jnp.array([[0.3, -0.9, 0.1], [0.3, -0.9, 0.1], [0.5, 0.95, 3.0], [0.0, 0
 
 
 @pytest.fixture(scope="module")
-def scene(table):
-    return draw_scene(jax.random.key(2), 3, table, slots=4)[0]
+def scene(room):
+    return draw_scene(jax.random.key(2), 3, room, slots=4)[0]
 
 
 def plan_and_outcome(feasible):
@@ -67,7 +67,7 @@ def test_the_reach_is_drawn_round_each_stop_and_only_on_the_table(robot, scene):
     assert all(disc.get_clip_path() is not None for disc in discs)
 
 
-def test_the_reach_is_where_inverse_kinematics_ends(robot, table):
+def test_the_reach_is_where_inverse_kinematics_ends(robot, room):
     height = 1.1
     reach = arm_reach(robot, height)
     assert reach is not None
@@ -76,7 +76,7 @@ def test_the_reach_is_where_inverse_kinematics_ends(robot, table):
     assert 0.7 < farthest < 1.0
     x, y = robot.mount_position[:2] + np.array([0.0, 3.0])  # far from the table, so that only the arm decides
     grasps = jnp.array([[x - distance, y, height, 0.0] for distance in (farthest - 0.01, farthest + 0.02)])
-    picks = jax.jit(pick)(robot, jnp.array([0.0, 3.0, 0.0]), grasps, table)
+    picks = jax.jit(pick)(robot, jnp.array([0.0, 3.0, 0.0]), grasps, room)
     np.testing.assert_array_equal(picks.reason, [Reason.NONE, Reason.OUT_OF_REACH])
 
 
@@ -110,8 +110,8 @@ def test_runs_of_numbers_are_shortened(numbers, text):
     assert short_list(numbers) == text
 
 
-def test_fifty_steps_fit_on_the_picture(robot, table):
-    many, _ = draw_scene(jax.random.key(0), 50, table)
+def test_fifty_steps_fit_on_the_picture(robot, room):
+    many, _ = draw_scene(jax.random.key(0), 50, room)
     index = jnp.arange(50)
     poses = jnp.tile(STOPS[0], (50, 1))
     plan = Plan(index, poses, jnp.ones(50, bool), jnp.zeros(50, int))

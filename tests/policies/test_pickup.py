@@ -26,8 +26,8 @@ class Beside:
 
 
 @pytest.fixture(scope="module")
-def scenes(table):
-    drawn = (compiled.draw_scene(seed, count, table, slots=5) for seed, count in enumerate(OBJECTS))
+def scenes(room):
+    drawn = (compiled.draw_scene(seed, count, room, slots=5) for seed, count in enumerate(OBJECTS))
     return jax.tree.map(lambda *x: jnp.stack(x), *drawn)
 
 

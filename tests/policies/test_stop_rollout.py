@@ -59,14 +59,14 @@ def case():
     return graph, problem, shaken(graph, problem)
 
 
-def test_cost_is_the_judges(robot, table):
+def test_cost_is_the_judges(robot, room):
     """On a real scene with an empty slot: the plan's cost is N + G of its execution, and everything is grasped."""
-    scene = compiled.draw_scene(4, 3, table, slots=4)
-    poses = jnp.asarray(aligned_poses(robot, table, compiled.ALIGNED))
-    graph = jax.jit(stop_graph)(robot, table, poses)
+    scene = compiled.draw_scene(4, 3, room, slots=4)
+    poses = jnp.asarray(aligned_poses(robot, room, compiled.ALIGNED))
+    graph = jax.jit(stop_graph)(robot, room, poses)
     picks = compiled.check_candidates(robot, scene, poses).pick_time
     problem = make_scene(graph, picks, graph.drive[0], scene.robot_start, scene.grasps, scene.mask)
-    first_drive = compiled.navigation_time(robot, scene.robot_start, poses, table)
+    first_drive = compiled.navigation_time(robot, scene.robot_start, poses, room)
     problem = dataclasses.replace(problem, first_drive=jnp.asarray(first_drive))
     params = shaken(graph, problem)
     visited = sampled(params, graph, batch(problem, 3), jax.random.key(0))

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from basenet_jax.robot.reading import load_robot, packaged_robots
-from basenet_jax.world.scene import Table
+from basenet_jax.world.boxes import Room
 from tests import compiled
 
 HALF_PI = np.pi / 2
@@ -103,6 +103,6 @@ def test_home_and_stow_and_the_way_between_are_clear(name):
     robot = load_robot(name)
     ways = np.linspace(robot.home, robot.stow, 11).astype(np.float32)
     far = np.tile(np.array([9.0, 0.0, 0.0], np.float32), (len(ways), 1))
-    assert not np.any(compiled.arm_collides(robot, far, ways, Table.from_config()))
+    assert not np.any(compiled.arm_collides(robot, far, ways, Room.from_config()))
     margin = np.minimum(robot.home - robot.joint_lower, robot.joint_upper - robot.home)
     assert np.all(margin > np.radians(5.0))

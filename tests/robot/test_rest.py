@@ -11,7 +11,7 @@ from basenet_jax.config import PickConfig
 from basenet_jax.documents.fields import DocumentError
 from basenet_jax.robot.reading import RobotFileError, find_source, load_robot, packaged_robots
 from basenet_jax.robot.rest import check_body, check_tables
-from basenet_jax.world.scene import Table
+from basenet_jax.world.boxes import Room
 from tests import compiled
 from tests.robot.test_reading import put, read
 
@@ -33,9 +33,9 @@ def resting(robot, joints):
     return dataclasses.replace(robot, home=joints, stow=joints)
 
 
-def test_the_body_is_touched_where_the_kernel_says_so(robot, table):
+def test_the_body_is_touched_where_the_kernel_says_so(robot, room):
     joints = np.random.default_rng(5).uniform(-2.5, 2.5, (300, 6))
-    touches = compiled.arm_collides(robot, FAR, joints.astype(np.float32), table)
+    touches = compiled.arm_collides(robot, FAR, joints.astype(np.float32), room)
     assert 20 < np.sum(touches) < 280
     assert [not passes(check_body, resting(robot, state)) for state in joints] == touches.tolist()
 
@@ -54,7 +54,7 @@ def touches_beside(robot, height, clearance):
     ways = np.linspace(robot.home, robot.stow, PickConfig().swept_points + 2)
     half = np.abs(np.cos(HEADINGS)) * robot.footprint_half_size[0] + np.abs(np.sin(HEADINGS)) * 0.25
     poses = np.stack([WIDE + clearance + half, 0.0 * HEADINGS, HEADINGS], axis=-1)
-    wide = Table(np.array([WIDE, WIDE], np.float32), np.float32(height))  # pyright: ignore[reportArgumentType]
+    wide = Room.of_table(np.array([WIDE, WIDE], np.float32), np.float32(height), np)
     return bool(np.any(compiled.arm_collides(robot, poses[:, None], ways, wide)))
 
 

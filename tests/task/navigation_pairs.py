@@ -16,9 +16,9 @@ HALF = np.array([1.0, 0.4])
 PAIRS = 2000
 
 
-def navigate(robot, table, starts, goals, config=NavigationConfig()):
+def navigate(robot, room, starts, goals, config=NavigationConfig()):
     """Times of pairs."""
-    return compiled.navigation_time(robot, np.atleast_2d(starts), np.atleast_2d(goals), table, config)
+    return compiled.navigation_time(robot, np.atleast_2d(starts), np.atleast_2d(goals), room, config)
 
 
 def rounded(poses):

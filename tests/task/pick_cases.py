@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from basenet_jax.config import PickConfig
 from basenet_jax.task.picking import Pick, Reason
-from basenet_jax.world.scene import Table
+from basenet_jax.world.boxes import Room
 from tests import compiled
 from tests.oracles import picking as oracle
 
@@ -87,15 +87,15 @@ def side_picks(rng, count, height=0.75):
     return cases(np.column_stack([x, y, heading]), grasp, height)
 
 
-def tables(height):
+def rooms(height):
     """One table of the usual size per height."""
     half_size = jnp.broadcast_to(jnp.array([1.0, 0.4]), (len(height), 2))
-    return Table(half_size=half_size, height=jnp.asarray(height, half_size.dtype))
+    return Room.of_table(half_size=half_size, height=jnp.asarray(height, half_size.dtype))
 
 
 def judge(robot, picks: Cases, config=PickConfig()) -> Pick:
     """The package's verdicts."""
-    return compiled.pick(robot, picks.base_pose, picks.grasp, tables(picks.height), config)
+    return compiled.pick(robot, picks.base_pose, picks.grasp, rooms(picks.height), config)
 
 
 def _world(picks: Cases, index, **world) -> oracle.World:

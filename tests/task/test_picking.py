@@ -19,7 +19,7 @@ from tests.task.pick_cases import (
     expect,
     judge,
     reasons,
-    tables,
+    rooms,
 )
 
 HOME, STOW, LOWER, UPPER = arm.HOME, arm.STOW, arm.LOWER, arm.UPPER
@@ -36,7 +36,7 @@ def test_agrees_with_enumeration_in_float64_and_vmapped(robot, picks, expected):
     with jax.enable_x64(True):
         rows = np.resize(np.arange(len(picks.grasp)), 512).reshape(16, -1)
         base_pose, grasp, height = (jnp.asarray(part[rows]) for part in picks)
-        each = jax.jit(jax.vmap(lambda pose, goal, top: pick(robot, pose, goal, tables(top))))
+        each = jax.jit(jax.vmap(lambda pose, goal, top: pick(robot, pose, goal, rooms(top))))
         result = jax.tree.map(lambda x: np.concatenate(x)[: len(picks.grasp)], each(base_pose, grasp, height))
     assert result.time.dtype == np.float64
     check_against_oracle(picks, result, expected)

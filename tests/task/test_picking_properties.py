@@ -51,12 +51,12 @@ def test_a_batch_of_nothing_feasible(robot, picks, result):
     assert not np.any(judge(robot, Cases(*(part[rows] for part in picks))).feasible)
 
 
-def test_shapes_broadcast_and_tracing_is_once(robot, table, picks):
+def test_shapes_broadcast_and_tracing_is_once(robot, room, picks):
     chex.clear_trace_counter()
     traced = jax.jit(chex.assert_max_traces(pick, n=1))
     for first in (0, 6):
         base_pose, grasp = (jnp.asarray(part[first : first + 6], jnp.float32) for part in picks[:2])
-        lowered = traced.lower(robot, base_pose.reshape(2, 1, 3, 3), grasp[:4, None], table)
+        lowered = traced.lower(robot, base_pose.reshape(2, 1, 3, 3), grasp[:4, None], room)
     shapes = jax.tree.map(lambda x: x.shape, lowered.out_info)
     assert (shapes.feasible, shapes.reason, shapes.time) == ((2, 4, 3),) * 3
     assert shapes.joints == (2, 4, 3, 5, 6)

@@ -14,6 +14,7 @@ import pytest
 from basenet_jax.robot.robot_mjcf import TOOL_SITE
 from basenet_jax.task.picking import Reason
 from basenet_jax.task.plan import Plan, with_singular_values
+from basenet_jax.world.boxes import Room
 from tests import compiled
 
 GOOD = np.array([0.35, -0.9, 0.05], np.float32)
@@ -25,9 +26,9 @@ def judge(robot):
 
 
 @pytest.fixture(scope="module")
-def scene(table, robot):
+def scene(room, robot):
     """Four mugs that can all be picked from `GOOD`, in the first slots of six."""
-    scene = compiled.draw_scene(0, 4, table)
+    scene = compiled.draw_scene(0, 4, room)
     x = [-0.05, 0.1, 0.25, 0.4, 0.0, 0.0]
     scene = dataclasses.replace(
         scene,
@@ -36,9 +37,7 @@ def scene(table, robot):
         object_grasp=np.tile(np.array([-0.06, 0.30, 0.0], np.float32), (6, 1)),
         robot_start=np.array([2.6, -0.5, 1.0], np.float32),
     )
-    assert np.all(compiled.pick(robot, GOOD, scene.grasps[:4], table).feasible), (
-        "the scene is not what these tests need"
-    )
+    assert np.all(compiled.pick(robot, GOOD, scene.grasps[:4], room).feasible), "the scene is not what these tests need"
     return scene
 
 
@@ -48,13 +47,13 @@ def make_plan(poses, order=(2, 0, 3, 1, -1, -1), served=None):
     return Plan(*parts)  # pyright: ignore[reportArgumentType]
 
 
-def test_times_are_those_of_the_cost_functions(judge, scene, robot, table):
+def test_times_are_those_of_the_cost_functions(judge, scene, robot, room):
     there = np.array([0.28, -0.83, 0.05], np.float32)
     plan = make_plan([GOOD, GOOD, there, there, GOOD, GOOD])
     outcome = judge(scene, plan)
     starts = np.stack([scene.robot_start, GOOD, GOOD, there])
-    drives = compiled.navigation_time(robot, starts, plan.base_pose[:4], table)
-    picks = compiled.pick(robot, plan.base_pose[:4], np.asarray(scene.grasps)[plan.object_index[:4]], table)
+    drives = compiled.navigation_time(robot, starts, plan.base_pose[:4], room)
+    picks = compiled.pick(robot, plan.base_pose[:4], np.asarray(scene.grasps)[plan.object_index[:4]], room)
     np.testing.assert_allclose(outcome.navigation_time[:4], drives, atol=1e-5)
     np.testing.assert_allclose(outcome.pick_time[:4], picks.time, atol=1e-5)
     assert float(outcome.navigation_time[1]) == 0.0, "staying costs nothing"
@@ -93,8 +92,12 @@ def test_an_object_without_base_pose_is_a_step_that_costs_nothing(judge, scene):
 
 
 def test_a_batch_is_its_plans_one_by_one_even_on_different_tables(robot, judge, scene):
-    low = dataclasses.replace(scene, table=dataclasses.replace(scene.table, height=np.array(0.55)))
-    wide = dataclasses.replace(scene, table=dataclasses.replace(scene.table, half_size=np.array([1.0, 0.6])))
+    on_low, half_size = (
+        Room.of_table(scene.room.table_half_size, np.float32(0.55), np),
+        np.array([1.0, 0.6], np.float32),
+    )
+    low = dataclasses.replace(scene, room=on_low, surface_height=np.full(6, 0.55, np.float32))
+    wide = dataclasses.replace(scene, room=Room.of_table(half_size, scene.room.table_height, np))
     plan = make_plan([GOOD] * 6)
     batch = jax.tree.map(lambda *x: np.stack(x), scene, low, wide)
     together = judge(batch, jax.tree.map(lambda x: np.stack([x] * 3), plan))

@@ -11,8 +11,9 @@ import pytest
 from basenet_jax.task.picking import Reason
 from basenet_jax.task.plan import Outcome, Plan, with_singular_values
 from basenet_jax.task.plan_file import PlanFileError, load_plan, save_plan
+from basenet_jax.world.boxes import Room
 from basenet_jax.world.naming import name_objects
-from basenet_jax.world.scene import Scene, Table
+from basenet_jax.world.scene import Scene
 from tests import compiled
 
 ABOUT = {"planner": "dp", "planning_time_s": 0.1234567890123, "compile_time_s": 2.0}
@@ -29,8 +30,9 @@ def scene():
             object_grasp=jnp.tile(jnp.array([-0.06, 0.30, 0.0]), (5, 1)),
             object_class=jnp.full(5, 3),
             mask=jnp.arange(5) < 4,
+            surface_height=jnp.full(5, 0.75),
             robot_start=jnp.array([2.6, -0.5, 1.0]),
-            table=Table.from_config(),
+            room=Room.from_config(),
         )
     )
 

@@ -121,7 +121,7 @@ def wait_until_drawn(viewer, tab):
     """Until both mugs stand on the table and the robot at its start: the mouse only hits what is drawn."""
     arrays = viewer.session.scene.arrays
     x, y, _ = arrays.robot_start
-    empty, floor = [-0.9, 0.3, float(arrays.table.height)], [x - 1.0, y - 1.0, 0.0]
+    empty, floor = [-0.9, 0.3, float(arrays.room.table_height)], [x - 1.0, y - 1.0, 0.0]
     pairs = [*((top_of(viewer, name), empty) for name in viewer.session.scene.names), ([x, y, 0.5], floor)]
     wait_for(lambda: viewer.server.get_clients())
 
@@ -142,7 +142,7 @@ def seen(viewer, page, point):
 
 def top_of(viewer, name):
     arrays, slot = viewer.session.scene.arrays, viewer.session.scene.names.index(name)
-    return np.array([*arrays.object_pose[slot, :2], arrays.table.height + arrays.object_size[slot, 2]], float)
+    return np.array([*arrays.object_pose[slot, :2], arrays.room.table_height + arrays.object_size[slot, 2]], float)
 
 
 def figures(plan):

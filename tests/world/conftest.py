@@ -13,8 +13,8 @@ def states():
 
 
 @pytest.fixture(scope="module")
-def checker(robot, table):
-    return mujoco_scene.MujocoChecker(robot, table)
+def checker(robot, room):
+    return mujoco_scene.MujocoChecker(robot, room)
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +23,7 @@ def distances(checker, states):
 
 
 @pytest.fixture(scope="module")
-def scene(table):
+def scene(room):
     """Two objects in three slots."""
     return Scene(
         object_pose=jnp.array([[0.5, 0.1, 0.7], [-0.3, -0.2, -1.0], [9.0, 9.0, 9.0]]),
@@ -31,6 +31,7 @@ def scene(table):
         object_grasp=jnp.zeros((3, 3)),
         object_class=jnp.array([0, 3, 0]),
         mask=jnp.array([True, True, False]),
+        surface_height=jnp.full(3, room.table_height),
         robot_start=jnp.array([2.0, 1.0, -0.5]),
-        table=table,
+        room=room,
     )

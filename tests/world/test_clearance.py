@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from basenet_jax.world.boxes import Room
 from basenet_jax.world.clearance import base_collides, segment_box_distance
 from tests import compiled
 from tests.oracles import arm as arm_oracle
@@ -101,12 +102,12 @@ def test_known_distances(start, end, expected):
     assert distance(start, end) == pytest.approx(expected, abs=1e-6)
 
 
-def test_kernels_agree_with_the_oracle(robot, table):
+def test_kernels_agree_with_the_oracle(robot, room):
     """The oracle knows the arm by its DH parameters and the base by its corners, not by the MJCF."""
     states = random_states(np.random.default_rng(8), 250).astype(np.float32)
     base, joints = states[:, :3], states[:, 3:]
-    touches_base = compiled.base_collides(robot, base, table)
-    touches_arm = compiled.arm_collides(robot, base, joints, table)
+    touches_base = compiled.base_collides(robot, base, room)
+    touches_arm = compiled.arm_collides(robot, base, joints, room)
     for index in range(len(states)):
         clearance = oracle.base_clearance(base[index].astype(float))
         if abs(clearance - 1e-5) > FLOAT32:
@@ -119,10 +120,10 @@ def test_kernels_agree_with_the_oracle(robot, table):
 
 
 @pytest.mark.parametrize(("gap", "touches"), [(0.0, True), (0.8e-5, True), (1.2e-5, False)])
-def test_base_that_just_touches_counts(robot, table, gap, touches):
+def test_base_that_just_touches_counts(robot, room, gap, touches):
     for side_x, side_y in itertools.product((1.0, -1.0), repeat=2):
         along = [side_x * (1.0 + 0.10 + 0.40 + gap), side_y * 0.3, 0.0]
         across = [side_x * 0.7, side_y * (0.4 + 0.10 + 0.40 + gap), np.pi / 2]
         for pose in (along, across):
             with jax.enable_x64(True):  # float32 knows 1.5 m to 1e-7 only
-                assert base_collides(robot, jnp.array(pose), table.replace(half_size=np.array([1.0, 0.4]))) == touches
+                assert base_collides(robot, jnp.array(pose), Room.from_config()) == touches

@@ -8,17 +8,18 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from basenet_jax.world.boxes import Room
 from basenet_jax.world.generate import draw_problem, draw_scene, footprint_radius
-from basenet_jax.world.scene import MAX_OBJECTS, OBJECT_CLASSES, Table
+from basenet_jax.world.scene import MAX_OBJECTS, OBJECT_CLASSES
 
 
 @pytest.fixture(scope="module")
-def draw(table):
+def draw(room):
     """Scenes by key and number of objects, all in 50 slots: one program for every number."""
     chex.clear_trace_counter()
 
     def one(key, count):
-        return draw_scene(key, count, table, own_class_share=0.2)
+        return draw_scene(key, count, room, own_class_share=0.2)
 
     return jax.jit(jax.vmap(chex.assert_max_traces(one, n=1)))
 
@@ -57,8 +58,8 @@ def test_classes_sizes_and_grasps_are_those_of_the_table_of_objects(draw):
 
 def test_grasps_stand_where_the_design_says():
     """A mug at the origin, turned by 90 degrees: tool0 is 0.06 m behind its centre and 0.30 m above."""
-    table = Table.from_config()
-    scene, _ = draw_scene(jax.random.key(0), 1, table, slots=1)
+    room = Room.from_config()
+    scene, _ = draw_scene(jax.random.key(0), 1, room, slots=1)
     mug = OBJECT_CLASSES[3]
     scene = dataclasses.replace(
         scene,
@@ -70,7 +71,7 @@ def test_grasps_stand_where_the_design_says():
 
 
 def test_too_many_objects_for_a_table_are_reported_not_squeezed_in():
-    small = Table(half_size=jnp.array([0.2, 0.15]), height=jnp.array(0.75))
+    small = Room.of_table(half_size=jnp.array([0.2, 0.15]), height=jnp.array(0.75))
     _, placed = jax.jit(lambda key: draw_scene(key, 30, small, slots=30))(jax.random.key(0))
     assert not bool(placed)
 
@@ -88,8 +89,8 @@ def test_positions_are_uniform(draw):
         assert abs(pose[:, column].std() / spread - 1) < 0.2
 
 
-def test_problems_mix_classes_and_own_objects(robot, table):
-    draw = jax.jit(jax.vmap(lambda key: draw_problem(key, robot, table, own_class_share=0.5)))
+def test_problems_mix_classes_and_own_objects(robot, room):
+    draw = jax.jit(jax.vmap(lambda key: draw_problem(key, robot, room, own_class_share=0.5)))
     grasps, _ = draw(jax.random.split(jax.random.key(5), 400))
     heights = {round(0.75 + kind.size[2] / 2 + kind.grasp_z, 4) for kind in OBJECT_CLASSES}
     of_class = np.array([round(float(z), 4) in heights for z in grasps[:, 2]])

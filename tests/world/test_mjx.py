@@ -1,3 +1,4 @@
+import dataclasses
 import subprocess
 import sys
 
@@ -9,7 +10,7 @@ import pytest
 from basenet_jax.config import PickConfig
 from basenet_jax.task.picking import pick
 from basenet_jax.world import clearance, mujoco_scene
-from basenet_jax.world.scene import Table
+from basenet_jax.world.boxes import Room
 from tests import compiled
 from tests.world.states import DOF, ROUNDING, TOUCHING, doubtful
 
@@ -27,8 +28,8 @@ def mjx():
 
 
 @pytest.fixture(scope="module")
-def world(mjx, robot, table):
-    return mjx.MjxScene.create(robot, table, slots=3)
+def world(mjx, robot, room):
+    return mjx.MjxScene.create(robot, room, slots=3)
 
 
 def test_mjx_base_contacts_agree_with_mujoco(world, states, distances):
@@ -46,20 +47,20 @@ def mjx_arm_check(mjx):
     """Any number of states, a table for each, by one program."""
     touches = jax.jit(mjx.arm_touches)
 
-    def check(robot, pose, joints, table):
-        def of_rows(pose, joints, table):
-            return touches(robot, tuple(pose.T), joints.transpose(2, 1, 0), table).T
+    def check(robot, pose, joints, room):
+        def of_rows(pose, joints, room):
+            return touches(robot, tuple(pose.T), joints.transpose(2, 1, 0), room).T
 
-        half_size = np.broadcast_to(table.half_size, (len(pose), 2))
-        tables = Table(half_size=half_size, height=np.broadcast_to(table.height, len(pose)))  # pyright: ignore
-        return compiled.by_rows(of_rows, pose, joints, tables, size=500)
+        half_size = np.broadcast_to(room.table_half_size, (len(pose), 2))
+        rooms = Room.of_table(half_size=half_size, height=np.broadcast_to(room.table_height, len(pose)))  # pyright: ignore
+        return compiled.by_rows(of_rows, pose, joints, rooms, size=500)
 
     return check
 
 
-def test_mjx_arm_contacts_agree_with_mujoco_but_for_dropped_edges(mjx_arm_check, robot, table, states, distances):
+def test_mjx_arm_contacts_agree_with_mujoco_but_for_dropped_edges(mjx_arm_check, robot, room, states, distances):
     pairs = states.reshape(-1, 2, 9)  # two states of the arm for each pose: the second's own pose isn't used
-    found = mjx_arm_check(robot, pairs[:, 0, :3], pairs[:, :1, 3:].repeat(2, axis=1), table)[:, 0]
+    found = mjx_arm_check(robot, pairs[:, 0, :3], pairs[:, :1, 3:].repeat(2, axis=1), room)[:, 0]
     distance = distances[::2, 1]
     assert not np.any(found & (distance > ROUNDING))
     missed = ~found & (distance < -ROUNDING)
@@ -67,24 +68,26 @@ def test_mjx_arm_contacts_agree_with_mujoco_but_for_dropped_edges(mjx_arm_check,
     assert np.all(distance[missed] > -MJX_MISS_DEPTH)
 
 
-def test_mjx_arm_check_takes_a_table_per_state_and_broadcasts(mjx_arm_check, robot, table, states):
+def test_mjx_arm_check_takes_a_table_per_state_and_broadcasts(mjx_arm_check, robot, room, states):
     count = 500
     pose = states[:count, :3]
     joints = np.stack([states[:count, 3:], states[:count, 3:] + 0.5], axis=1)
-    tables = Table(half_size=jnp.broadcast_to(table.half_size, (count, 2)), height=jnp.linspace(0.1, 1.3, count))
-    found = mjx_arm_check(robot, pose, joints, tables)
-    each = Table(half_size=tables.half_size[:, None], height=tables.height[:, None])
+    rooms = Room.of_table(
+        half_size=jnp.broadcast_to(room.table_half_size, (count, 2)), height=jnp.linspace(0.1, 1.3, count)
+    )
+    found = mjx_arm_check(robot, pose, joints, rooms)
+    each = Room.of_table(half_size=rooms.table_half_size[:, None], height=rooms.table_height[:, None])
     expected = compiled.arm_collides(robot, pose[:, None], joints, each)
     assert found.shape == (count, 2)
     # Dropped edges, see above, and states that rounding decides; another height changes the answer for 1 in 20.
     assert np.mean(found != expected) < 2 * MJX_MISSES
-    same_table = mjx_arm_check(robot, pose, joints, table)
+    same_table = mjx_arm_check(robot, pose, joints, room)
     assert np.mean(found != same_table) > 4 * MJX_MISSES
 
 
 @pytest.mark.slow
 def test_mjx_base_contacts_follow_the_table(world, robot, states):
-    small = Table(half_size=jnp.array([0.5, 0.9]), height=jnp.array(0.4))
+    small = Room.of_table(half_size=jnp.array([0.5, 0.9]), height=jnp.array(0.4))
     own, pose = world.with_table(small), jnp.asarray(states[:1000, :3], jnp.float32)
     found = jax.jit(jax.vmap(lambda pose: own.base_touches(own.move(own.blank, pose, jnp.zeros(DOF)))))(pose)
     shrunk, grown = (clearance.base_collides(robot, pose, small, touching=TOUCHING + d) for d in (-ROUNDING, ROUNDING))
@@ -92,12 +95,12 @@ def test_mjx_base_contacts_follow_the_table(world, robot, states):
     np.testing.assert_array_equal(np.asarray(found)[clear], np.asarray(grown)[clear])
 
 
-def test_pick_takes_the_mjx_check(mjx, robot, table):
+def test_pick_takes_the_mjx_check(mjx, robot, room):
     base_pose = jnp.array([[0.3, -0.85, 0.0], [0.3, -0.85, np.pi], [0.0, -0.9, 1.0], [2.5, 0.0, 0.0]])
     grasp = jnp.array([0.2, -0.2, 1.155, 0.4])
     config = PickConfig(chunk=4)
-    by_kernel = compiled.pick(robot, base_pose, grasp, table)
-    by_mjx = jax.jit(lambda: pick(robot, base_pose, grasp, table, config, arm_check=mjx.arm_touches))()
+    by_kernel = compiled.pick(robot, base_pose, grasp, room)
+    by_mjx = jax.jit(lambda: pick(robot, base_pose, grasp, room, config, arm_check=mjx.arm_touches))()
     assert by_kernel.feasible.any()
     np.testing.assert_array_equal(by_mjx.reason, by_kernel.reason)
     np.testing.assert_allclose(by_mjx.time, by_kernel.time, rtol=1e-6)
@@ -107,7 +110,7 @@ def test_placed_scene_has_the_frames_of_mujoco(world, robot, scene):
     """MJX in float32 against MuJoCo, after up to nine joints: 1e-6 m."""
     model, data = mujoco_scene.scene_model(robot, scene)
     placed = jax.jit(world.place)(scene, scene.robot_start, jnp.asarray(robot.home, jnp.float32))
-    by_name = mujoco_scene.build_model(robot, scene.table, np.full((3, 3), 0.1))
+    by_name = mujoco_scene.build_model(robot, scene.room, np.full((3, 3), 0.1))
     for index in range(model.nbody):
         other = by_name.body(model.body(index).name).id
         np.testing.assert_allclose(placed.xpos[other], data.xpos[index], atol=2e-6)
@@ -116,12 +119,13 @@ def test_placed_scene_has_the_frames_of_mujoco(world, robot, scene):
 
 
 def test_world_can_be_vmapped_over_tables_and_scenes(world, scene, robot):
-    """Objects stand on the table of the world, whatever its height."""
+    """Objects stand on their surface, whatever its height."""
     scenes = jax.tree.map(lambda leaf: jnp.stack([leaf, leaf]), scene)
     heights = jnp.array([0.75, 0.2])
 
     def place(scene, height):
-        own = world.with_table(scene.table.replace(height=height))
+        scene = dataclasses.replace(scene, surface_height=jnp.full(3, height))
+        own = world.with_table(Room.of_table(scene.room.table_half_size, height))
         return own.place(scene, scene.robot_start, jnp.asarray(robot.home, jnp.float32)).mocap_pos[:, 2]
 
     z = jax.jit(jax.vmap(place))(scenes, heights)

@@ -12,9 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from basenet_jax.documents.text_files import MAX_JSON_BYTES, MAX_YAML_BYTES
+from basenet_jax.world.boxes import Room
 from basenet_jax.world.generate import draw_scene
 from basenet_jax.world.naming import name_objects
-from basenet_jax.world.scene import MAX_OBJECTS, OBJECT_CLASSES, NamedScene, Table
+from basenet_jax.world.scene import BY_SLOT, MAX_OBJECTS, OBJECT_CLASSES, NamedScene
 from basenet_jax.world.scene_file import SceneFileError, load_scene, save_scene
 from tests.scene_texts import TEXT, content
 
@@ -56,8 +57,8 @@ def test_a_scene_is_read_as_it_stands(folder):
     assert arrays.object_class.tolist() == [3, -1]
     assert arrays.mask.tolist() == [True, True]
     np.testing.assert_array_equal(arrays.robot_start, np.array([2.4, -1.1, 1.57], np.float32))
-    np.testing.assert_array_equal(arrays.table.half_size, np.array([1.0, 0.4], np.float32))
-    assert float(arrays.table.height) == 0.75
+    np.testing.assert_array_equal(arrays.room.table_half_size, np.array([1.0, 0.4], np.float32))
+    assert float(arrays.room.table_height) == 0.75
 
 
 def test_table_and_model_may_be_left_out(folder):
@@ -232,15 +233,12 @@ def test_objects_exactly_at_their_distance_may_stand(folder):
 
 @pytest.fixture(scope="module")
 def draw():
-    draw = jax.jit(lambda key, count: draw_scene(key, count, Table.from_config(), slots=6, own_class_share=0.5))
+    draw = jax.jit(lambda key, count: draw_scene(key, count, Room.from_config(), slots=6, own_class_share=0.5))
 
     def named(seed: int, count: int) -> NamedScene:
         arrays, placed = draw(jax.random.key(seed), count)
         assert bool(placed)
-        slots = {
-            name: getattr(arrays, name)[:count]
-            for name in ("object_pose", "object_size", "object_grasp", "object_class", "mask")
-        }
+        slots = {name: getattr(arrays, name)[:count] for name in BY_SLOT}
         return name_objects(dataclasses.replace(arrays, **slots))
 
     return named

@@ -1,4 +1,4 @@
-"""Planners refuse other tables than their own, and robots that can't rest beside it."""
+"""Planners refuse other rooms than their own, and robots that can't rest beside it."""
 
 import dataclasses
 import re
@@ -7,16 +7,16 @@ import jax
 import numpy as np
 import pytest
 
-from basenet_jax.planners.on_its_table import hold_to
+from basenet_jax.planners.in_its_room import hold_to
 from basenet_jax.planners.protocol import BatchPlanner, PlannerSetup, PreparedPlanner, plan_batch
 from basenet_jax.planners.registry import make_planner
 from basenet_jax.robot.reading import load_robot
-from basenet_jax.world.scene import Table
+from basenet_jax.world.boxes import Room
 from tests.scene_texts import park_once
 
 KEY = jax.random.key(0)
 OTHER = re.escape(
-    "table: found one of 2.000 x 0.800 m, 0.900 m high, allowed is the planner's of 2.000 x 0.800 m, 0.75"
+    "room: found a table of 2.000 x 0.800 m, 0.900 m high, allowed is the planner's, a table of 2.000 x 0.800 m, 0.75"
 )
 
 
@@ -41,8 +41,8 @@ def on_row(scenes, row):
     return jax.tree.map(lambda x: x[row], scenes)
 
 
-def on_other_table(scene):
-    return dataclasses.replace(scene, table=Table(scene.table.half_size, np.float32(0.9)))  # pyright: ignore[reportArgumentType]
+def in_other_room(scene):
+    return dataclasses.replace(scene, room=Room.of_table(scene.room.table_half_size, np.float32(0.9), np))
 
 
 def stacked(*scenes):
@@ -50,20 +50,20 @@ def stacked(*scenes):
 
 
 @pytest.mark.parametrize("name", ["dp", "greedy-stops", "basenet", "basenet-paper"])
-def test_planners_of_a_name_refuse_another_table_by_name(setup, four_objects, name):
+def test_planners_of_a_name_refuse_another_room_by_name(setup, four_objects, name):
     planner = make_planner(name, setup)
     with pytest.raises(ValueError, match=OTHER):
-        planner(on_other_table(four_objects), KEY)
+        planner(in_other_room(four_objects), KEY)
     with pytest.raises(ValueError, match=OTHER):
-        plan_batch(planner, stacked(on_other_table(four_objects), four_objects), KEY)
+        plan_batch(planner, stacked(in_other_room(four_objects), four_objects), KEY)
 
 
-def test_one_scene_of_a_batch_on_another_table_is_enough(setup, four_objects):
+def test_one_scene_of_a_batch_on_another_room_is_enough(setup, four_objects):
     planner = hold_to(setup, Together())
     assert isinstance(planner, BatchPlanner)
     assert len(planner.plan_batch(stacked(four_objects, four_objects), KEY).served) == 2
-    with pytest.raises(ValueError, match=r"table: found one of .*, allowed is the planner's"):
-        planner.plan_batch(stacked(four_objects, on_other_table(four_objects)), KEY)
+    with pytest.raises(ValueError, match=r"room: found a table of .*, allowed is the planner's"):
+        planner.plan_batch(stacked(four_objects, in_other_room(four_objects)), KEY)
 
 
 @pytest.mark.parametrize(
@@ -78,7 +78,9 @@ def test_a_planner_keeps_what_it_can(setup, four_objects, inner, together, prepa
 
 
 def test_a_table_that_a_resting_arm_may_touch_is_refused_with_the_robots_name():
-    high = PlannerSetup(robot=load_robot("panda_mobile"), table=Table(np.ones(2), np.float32(1.5)))  # pyright: ignore[reportArgumentType]
+    high = PlannerSetup(
+        robot=load_robot("panda_mobile"), room=Room.of_table(np.ones(2, np.float32), np.float32(1.5), np)
+    )
     message = (
         r"^robot panda_mobile: home_degrees: found at home \(joint1 20, .* 0\.120 m beyond the footprint below a tab"
     )
