@@ -109,15 +109,15 @@ def map_boxes(occupancy: OccupancyMap) -> Boxes:
     x, y, yaw = occupancy.origin
     center = (low + high) / 2 @ np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]]) + (x, y)
     count = len(cells)
-    leaves: dict[str, Any] = dict(  # on the host
-        pose=np.column_stack([center, np.full(count, yaw)]).astype(np.float32),
-        half_size=((high - low) / 2).astype(np.float32),
-        low=np.zeros(count, np.float32),
-        high=np.full(count, HIGH_M, np.float32),
-        blocks_base=np.ones(count, bool),
-        blocks_arm=np.zeros(count, bool),
-        bears_objects=np.zeros(count, bool),
-    )
+    leaves: dict[str, Any] = {  # on the host
+        "pose": np.column_stack([center, np.full(count, yaw)]).astype(np.float32),
+        "half_size": ((high - low) / 2).astype(np.float32),
+        "low": np.zeros(count, np.float32),
+        "high": np.full(count, HIGH_M, np.float32),
+        "blocks_base": np.ones(count, bool),
+        "blocks_arm": np.zeros(count, bool),
+        "bears_objects": np.zeros(count, bool),
+    }
     return Boxes(**leaves)
 
 
