@@ -46,6 +46,18 @@ class NavigationConfig(Settings):
 
 
 @dataclass(frozen=True)
+class DockedConfig(Settings):
+    """How the base drives in rooms, true to its footprint: undock, turn, drive along a road, turn, dock."""
+
+    clearance_m: Annotated[float, Range(0, 1)] = 0.05
+    """What the footprint keeps clear of while it moves."""
+    undock_m: Annotated[float, Range(0, 100)] = 4.0
+    """The longest straight piece from a stop to where the base may turn."""
+    road_slack_m: Annotated[float, Range(0, 0.1)] = 0.001
+    """Points and roads are tested against boxes grown by so much less, so that what touches a corner is free."""
+
+
+@dataclass(frozen=True)
 class PickConfig(Settings):
     """The pick cycle, and when it is feasible."""
 

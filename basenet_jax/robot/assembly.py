@@ -47,6 +47,7 @@ def build_robot(file: RobotFile, model: mujoco.MjModel, arm: Arm) -> Robot:
         prismatic=sliding,
         capsule_link=tuple(capsule.link for capsule in tested),
         closed_form=file.closed_form,
+        omnidirectional=file.drive == "omnidirectional",
     )
 
 

@@ -7,6 +7,7 @@ from msgspec import Meta, Struct, field
 FORMAT = "basenet-robot/1"
 MIN_JOINTS, MAX_JOINTS = 6, 7
 MAX_CAPSULES = 64
+DRIVES = ("differential", "omnidirectional")  # turn, drive, turn; or in any direction with the heading kept
 
 # Bounds that any mobile manipulator keeps, and that a wrong unit breaks: millimetres, degrees per second.
 _Position = Annotated[float, Meta(ge=-3, le=3)]
@@ -82,6 +83,7 @@ class RobotFile(Struct, forbid_unknown_fields=True, kw_only=True):
     frames: FramesFields
     joints: Annotated[list[str], _Joints]
     closed_form: str | None = None
+    drive: str = DRIVES[0]
     joint_speed: Annotated[list[_Speed], _Joints]
     joint_acceleration: Annotated[list[_Acceleration], _Joints]
     home_degrees: Annotated[list[_Degrees], _Joints]
@@ -109,6 +111,7 @@ ALLOWED = {
     "joints": f"is a list of {_COUNT} joint names, from arm base to tool",
     "joints[]": "is a joint's name",
     "closed_form": "is ur, for Universal Robots' DH frames, or no such key",
+    "drive": f"is {' or '.join(DRIVES)}, or no such key",
     "joint_speed": f"is a list of {_COUNT} numbers, one for each joint (rad/s, or m/s)",
     "joint_speed[]": "is a number from 0.01 to 20 (rad/s, or m/s of a sliding joint)",
     "joint_acceleration": f"is a list of {_COUNT} numbers, one for each joint (rad/s^2, or m/s^2)",

@@ -124,6 +124,7 @@ def find_source(reference: str) -> Source:
 def robot_digest(robot: Robot) -> str:
     """SHA-256 of a robot's numbers and what else counts, to tell whether it is still the same."""
     fixed = (robot.name, robot.joint_names, robot.prismatic, robot.capsule_link, robot.closed_form)
+    fixed += ("omnidirectional",) if robot.omnidirectional else ()
     digest = hashlib.sha256(repr(fixed).encode())
     for path, leaf in jax.tree_util.tree_leaves_with_path(robot):
         values = np.asarray(leaf, "<f4")

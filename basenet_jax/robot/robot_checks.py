@@ -8,7 +8,7 @@ import numpy as np
 
 from basenet_jax.documents.fields import describe, field_error
 from basenet_jax.documents.text_files import inside
-from basenet_jax.robot.fields import RobotFile
+from basenet_jax.robot.fields import ALLOWED, DRIVES, RobotFile
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.robot_mjcf import BASE_JOINTS
 
@@ -35,6 +35,8 @@ def check_file(file: RobotFile, taken: Sequence[str]) -> None:
         raise field_error("name", f"{describe(file.name)}, a packaged robot's", "is a name of its own")
     if file.closed_form not in (None, "ur"):
         raise field_error("closed_form", describe(file.closed_form), "is ur, or no such key")
+    if file.drive not in DRIVES:
+        raise field_error("drive", describe(file.drive), ALLOWED["drive"])
     for index, name in enumerate(file.joints):
         if file.joints.index(name) < index:
             raise field_error(f"joints[{index}]", f"{describe(name)} twice", "is each joint once")

@@ -6,6 +6,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Float
 
 from basenet_jax.robot.model import Robot
+from basenet_jax.trigonometry import wrap_angle
 
 
 def trapezoid_duration(distance: Array, speed: ArrayLike, acceleration: ArrayLike) -> Array:
@@ -24,6 +25,16 @@ def trapezoid_duration(distance: Array, speed: ArrayLike, acceleration: ArrayLik
     moving = distance > 0
     ramping = jnp.where(moving, jnp.minimum(distance, ramps) / acceleration, 1.0)
     return jnp.where(moving, 2.0 * jnp.sqrt(ramping) + jnp.maximum(distance - ramps, 0.0) / speed, 0.0)
+
+
+def straight_duration(robot: Robot, distance: Array) -> Float[Array, "*batch"]:
+    """Duration (s) of the base's drive over a signed distance (m), from rest to rest."""
+    return trapezoid_duration(distance, robot.base_speed[0], robot.base_acceleration[0])
+
+
+def turn_duration(robot: Robot, angle: Array) -> Float[Array, "*batch"]:
+    """Duration (s) of the base's turn on the spot by an angle (rad), the shorter way round."""
+    return trapezoid_duration(wrap_angle(angle), robot.base_speed[1], robot.base_acceleration[1])
 
 
 def joint_move_duration(

@@ -1,17 +1,16 @@
 """A plan as motion: where base, arm and objects are at any time of its execution."""
 
 import enum
-import itertools
 from typing import NamedTuple
 
 import jax
 import numpy as np
 from jaxtyping import Float, Int
-from numpy.typing import ArrayLike
 
 from basenet_jax.config import NavigationConfig, WorldConfig
 from basenet_jax.robot.model import Robot
-from basenet_jax.robot.time_law import TimeLaw, fastest_law, joint_move_law
+from basenet_jax.robot.time_law import TimeLaw, joint_move_law
+from basenet_jax.task.manoeuvre import Manoeuvre, along_path
 from basenet_jax.task.navigation import navigation_path
 from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.world.scene import Scene
@@ -112,10 +111,14 @@ class _Keys:
         if np.hypot(*(goal - start)[:2]) <= config.same_pose and abs(turn) <= config.same_pose:
             return
         path = navigation_path(self._robot, start, goal, scene.room, config)
-        for before, after in itertools.pairwise(_base_poses(self._robot, path, start, goal, config)):
-            if law := _base_law(self._robot, before, after):
-                turns = before[2] != after[2]
-                self._add(Doing.TURN if turns else Doing.DRIVE, law, base_pose=after)
+        self._follow(
+            along_path(self._robot, path, start, goal, same_pose=config.same_pose, keep_heading=config.straight)
+        )
+
+    def _follow(self, manoeuvre: Manoeuvre) -> None:
+        """The legs of a drive."""
+        for leg in manoeuvre.legs:
+            self._add(Doing.TURN if leg.turn else Doing.DRIVE, leg.law, base_pose=leg.after)
 
     def pick(self, above: np.ndarray, grasp: np.ndarray, slot: int, config: WorldConfig) -> None:
         """The pick cycle over two joint states."""
@@ -139,44 +142,6 @@ class _Keys:
         self.joints.append(self.joints[-1] if joints is None else joints)
         self.held.append(self.held[-1] if held is None else held)
         self.done.append(self.done[-1] + done)
-
-
-def _base_poses(
-    robot: Robot, path: np.ndarray, start: ArrayLike, goal: ArrayLike, config: NavigationConfig
-) -> list[np.ndarray]:
-    """Turn, drive, turn along a polyline, all forward or all in reverse, whichever takes less time.
-
-    Driving straight through anything is one drive with the heading kept, then one turn, whatever the direction.
-    """
-    start, goal = np.asarray(start, float), np.asarray(goal, float)
-    legs = np.diff(path, axis=0)
-    legs = legs[np.hypot(*legs.T) > config.same_pose]
-    directions = np.arctan2(legs[:, 1], legs[:, 0])
-    if config.straight:
-        headings = [np.unwrap([*[start[2]] * (1 + len(legs)), goal[2]])]
-    else:
-        headings = [np.unwrap([start[2], *(directions + gear), goal[2]]) for gear in (0.0, np.pi)]
-    fastest = min(headings, key=lambda each: sum(_turn_duration(robot, turn) for turn in np.diff(each)))
-    poses, place = [start], start[:2]
-    for leg, heading in zip(legs, fastest[1:], strict=False):
-        poses.append(np.array([*place, heading]))
-        place = place + leg
-        poses.append(np.array([*place, heading]))
-    return [*poses, np.array([*place, fastest[-1]])]
-
-
-def _base_law(robot: Robot, before: np.ndarray, after: np.ndarray) -> TimeLaw | None:
-    """Of a turn on the spot or a drive straight ahead; None where nothing moves."""
-    axis = 1 if before[2] != after[2] else 0
-    distance = abs(after[2] - before[2]) if axis else float(np.hypot(*(after - before)[:2]))
-    if distance == 0.0:
-        return None
-    return fastest_law(float(robot.base_speed[axis]) / distance, float(robot.base_acceleration[axis]) / distance)
-
-
-def _turn_duration(robot: Robot, turn: float) -> float:
-    law = _base_law(robot, np.zeros(3), np.array([0.0, 0.0, turn]))
-    return law.duration_s if law else 0.0
 
 
 def _pause(duration_s: float) -> TimeLaw:

@@ -15,7 +15,7 @@ from basenet_jax.config import NavigationConfig
 from basenet_jax.geometry import relative
 from basenet_jax.robot.kinematics import Vector, components
 from basenet_jax.robot.model import Robot
-from basenet_jax.robot.timing import trapezoid_duration
+from basenet_jax.robot.timing import straight_duration, turn_duration
 from basenet_jax.trigonometry import atan2, wrap_angle
 from basenet_jax.world.boxes import Room
 
@@ -46,7 +46,7 @@ def navigation_time(
     """
     p, q = _seen_from_table(room, start, goal)
     straight = _leg(robot, p[:2], q[:2], room, config)
-    turned = _turn_duration(robot, q[2] - p[2])
+    turned = turn_duration(robot, q[2] - p[2])
     if config.straight:
         time = straight.duration + turned
     else:
@@ -158,7 +158,7 @@ def _all_ways(ways: _Ways) -> Iterator[tuple[Array, tuple[int, ...]]]:
     gears = (0.0, jnp.pi)  # forward, reverse: the base's heading is opposite to the direction of travel
 
     def turn(angle: Array) -> Array:
-        return _turn_duration(robot, angle)
+        return turn_duration(robot, angle)
 
     def first_turns(leg: _Leg) -> list[Array]:
         return [turn(leg.direction + gear - heading) for gear in gears]
@@ -211,7 +211,7 @@ def _leg(
     length = jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)  # keeps gradients finite at 0
     return _Leg(
         direction=atan2(along[1], along[0]),
-        duration=trapezoid_duration(length, robot.base_speed[0], robot.base_acceleration[0]),
+        duration=straight_duration(robot, length),
         free=_stays_out(start, end, room.table_half_size + (jnp.min(robot.footprint_half_size) - config.path_slack_m)),
         short=length <= config.same_pose,
     )
@@ -224,8 +224,3 @@ def _stays_out(start: _Point, end: _Point, half: Array) -> Array:
     x, y = jnp.abs(extent[0]), jnp.abs(extent[1])
     beside = jnp.abs(middle[0] * extent[1] - middle[1] * extent[0]) >= half[..., 0] * y + half[..., 1] * x
     return (jnp.abs(middle[0]) >= half[..., 0] + x) | (jnp.abs(middle[1]) >= half[..., 1] + y) | beside
-
-
-def _turn_duration(robot: Robot, angle: Array) -> Array:
-    """Duration (s) of a turn on the spot, the shorter way round."""
-    return trapezoid_duration(wrap_angle(angle), robot.base_speed[1], robot.base_acceleration[1])

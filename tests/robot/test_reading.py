@@ -113,6 +113,7 @@ FIELDS = [
     (("joints",), JOINTS[:5], "joints: found a list of 5, allowed is a list of 6 or 7 joint names"),
     (("joints",), "elbow", "joints: found 'elbow', allowed is a list of 6 or 7 joint names"),
     (("closed_form",), "panda", "closed_form: found 'panda', allowed is ur, or no such key"),
+    (("drive",), "tracks", "drive: found 'tracks', allowed is differential or omnidirectional, or no such key"),
     (("joint_speed",), [1.0] * 7, "joint_speed: found 7 values, allowed is one for each of the 6 joints"),
     (("joint_speed", 2), 0.0, "joint_speed[2]: found 0.0, allowed is a number from 0.01 to 20 (rad/s"),
     (("joint_speed", 0), 180.0, "joint_speed[0]: found 180.0, allowed is a number from 0.01 to 20 (rad/s"),

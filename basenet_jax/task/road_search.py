@@ -1,0 +1,155 @@
+"""Least times along roads: from turning places, over vias, to turning places, all in one search for many of them.
+
+The state of the search is a via and the neighbour that the base comes from, since what the next turn takes depends on
+it. Driving all forward or all in reverse only changes the first and the last turn; a base that drives in any direction
+turns elsewhere, and has one gear.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Bool, Float
+
+from basenet_jax import rounds
+from basenet_jax.robot.model import Robot
+from basenet_jax.robot.timing import straight_duration
+from basenet_jax.task.drive_space import is_free
+from basenet_jax.task.roadmap import SAME_PLACE_M, Roadmap, road_turn_time
+from basenet_jax.trigonometry import atan2
+
+MOST_PIECES = 16  # between vias
+_AT_ONCE = 64  # places from which roads are searched at once
+_UNROLL = 8  # steps of a scan done at once, so that what they share is read from memory once
+
+
+class Pieces(NamedTuple):
+    """Straight pieces from A points to B points."""
+
+    direction: Float[Array, "A B"]  # rad, in W
+    time: Float[Array, "A B"]  # s; infinite: not free, or no piece at all
+    same: Bool[Array, "A B"]  # whether the two points are one
+
+
+class Reached(NamedTuple):
+    """Least times (s) from P places, in G gears, to arriving at V vias, the last turn still to come."""
+
+    straight: Float[Array, "V G P"]  # from the place itself
+    over: Float[Array, "V D G P"]  # from another via, the neighbour of that number
+
+
+def road_times(
+    robot: Robot, roadmap: Roadmap, start: Float[Array, "P 3"], goal: Float[Array, "Q 3"]
+) -> Float[Array, "2 P Q"]:
+    """Least times (s) to turn, drive a road and turn, between poses at turning places; infinite if there is no road.
+
+    Turned by half a turn, a base drives the same way in the other gear. So headings count up to half a turn: the first
+    times are of poses as given, and if both are turned; the second ones if one of the two is.
+
+    Args:
+        robot: its base counts.
+        roadmap: of the room.
+        start: poses (x, y, heading) in W.
+        goal: likewise.
+    """
+    last = pieces(robot, roadmap, roadmap.via, goal[:, :2])
+    times = rounds.in_chunks(lambda some: _roads(robot, roadmap, some, goal, last), start, _AT_ONCE)
+    return jnp.moveaxis(times, 1, 0)
+
+
+def gears(robot: Robot) -> Float[Array, " G"]:
+    """From the direction of driving to the heading (rad): forward and reverse."""
+    return jnp.zeros(1) if robot.omnidirectional else jnp.array([0.0, jnp.pi])
+
+
+def pieces(robot: Robot, roadmap: Roadmap, start: Float[Array, "A 2"], end: Float[Array, "B 2"]) -> Pieces:
+    """All straight pieces between turning places."""
+    begin, x, y = (start[:, None, 0], start[:, None, 1]), end[:, 0], end[:, 1]
+    along, up = x - begin[0], y - begin[1]
+    length = jnp.sqrt(along * along + up * up)
+    same = length < SAME_PLACE_M
+    time = straight_duration(robot, length)
+    free = is_free(roadmap.space, begin, (x, y)) & ~same
+    return Pieces(atan2(up, along), jnp.where(free, time, jnp.inf), same)
+
+
+def reach_vias(robot: Robot, roadmap: Roadmap, start: Float[Array, "P 3"], first: Pieces) -> Reached:
+    """From poses at turning places to all vias.
+
+    Rounds of relaxing all pieces between vias at once, until none makes any way shorter.
+
+    Args:
+        robot: its base counts.
+        roadmap: of the room.
+        start: poses (x, y, heading) in W.
+        first: from each straight to each via.
+    """
+    direction, away = first.direction.T, away_from(roadmap)
+    first_turn = road_turn_time(robot, direction[:, None] + gears(robot)[:, None] - start[:, 2])
+    straight = jnp.where(roadmap.is_via[:, None, None], first.time.T[:, None] + first_turn, jnp.inf)
+    onto = road_turn_time(robot, away[:, :, None] - direction[:, None])
+    seed = roadmap.time[:, :, None, None] + (straight[:, None] + onto[:, :, None])
+    shape, (vias, degree) = seed.shape, roadmap.time.shape
+
+    def arrive(left: Array) -> Array:
+        """Pieces by where they end instead of by where they begin."""
+        return left.reshape(vias * degree, -1)[roadmap.back.ravel()].reshape(shape)
+
+    def relax(state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+        over, _, count = state
+
+        def come_from(best: Array, neighbour: tuple[Array, Array]) -> tuple[Array, None]:
+            before, turn = neighbour
+            return jnp.minimum(best, before[:, None] + turn[:, :, None, None]), None
+
+        none = jnp.full(shape, jnp.inf, seed.dtype)
+        neighbours = (jnp.moveaxis(over, 1, 0), jnp.moveaxis(roadmap.turn, 1, 0))
+        left, _ = jax.lax.scan(come_from, none, neighbours, unroll=_UNROLL)
+        new = jnp.minimum(over, arrive(left + roadmap.time[:, :, None, None]))
+        return new, jnp.any(new < over), count + 1
+
+    over = arrive(seed)
+    state = (over, jnp.array(True), jnp.array(1))
+    over, _, _ = jax.lax.while_loop(lambda state: state[1] & (state[2] < MOST_PIECES), relax, state)
+    return Reached(straight, over)
+
+
+def away_from(roadmap: Roadmap) -> Float[Array, "V D"]:
+    """Directions (rad, in W) from each via to its neighbours."""
+    along = roadmap.via[roadmap.neighbour] - roadmap.via[:, None]
+    return atan2(along[..., 1], along[..., 0])
+
+
+def _roads(robot: Robot, roadmap: Roadmap, start: Array, goal: Array, last: Pieces) -> Float[Array, "P 2 Q"]:
+    """Of all goals, via by via: each way's last piece starts there, but for those without a via."""
+    gear, vias = gears(robot)[:, None], len(roadmap.via)
+    ahead = pieces(robot, roadmap, start[:, :2], jnp.concatenate([roadmap.via, goal[:, :2]]))
+    first, direct = (Pieces(*(x[:, some] for x in ahead)) for some in (slice(vias), slice(vias, None)))
+    reached = reach_vias(robot, roadmap, start, first)
+
+    def onto_goal(arrived: Array, direction: Array) -> Array:
+        """With the last turn, of the goal's heading and of the opposite one."""
+        turn = road_turn_time(robot, goal[:, 2] - direction - gear)
+        return jnp.stack([jnp.min(arrived + each[:, None], axis=0) for each in (turn, turn[::-1])])
+
+    def from_via(ways: Array, via: tuple[Array, ...]) -> tuple[Array, None]:
+        straight, over, away, arriving, leaving, time = via
+
+        def come_from(best: Array, neighbour: tuple[Array, Array]) -> tuple[Array, None]:
+            before, back = neighbour
+            turn = road_turn_time(robot, leaving - back - jnp.pi)
+            return jnp.minimum(best, before[..., None] + turn), None
+
+        turn = road_turn_time(robot, leaving - arriving[:, None])
+        arrived, _ = jax.lax.scan(come_from, straight[..., None] + turn, (over, away), unroll=_UNROLL)
+        return jnp.minimum(ways, onto_goal(arrived + time, leaving)), None
+
+    first_turn = road_turn_time(robot, direct.direction + gear[..., None] - start[:, 2, None])
+    last_turn = road_turn_time(robot, goal[:, 2] - direct.direction - gear[..., None])
+    turns = jnp.stack([jnp.min(first_turn + each, axis=0) for each in (last_turn, last_turn[::-1])])
+    halves = jnp.array([0.0, jnp.pi])[:, None, None]
+    in_place = road_turn_time(robot, goal[:, 2] - start[:, 2, None] + halves)
+    ways = jnp.where(direct.same, in_place, direct.time + turns)
+    from_vias = (reached.straight, reached.over, away_from(roadmap), first.direction.T, last.direction, last.time)
+    return jnp.moveaxis(jax.lax.scan(from_via, ways, from_vias)[0], 1, 0)
