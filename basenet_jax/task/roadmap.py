@@ -39,10 +39,11 @@ def make_roadmap(robot: Robot, room: Room, config: DockedConfig = DockedConfig()
 
     Args:
         robot: its base counts.
-        room: one room of NumPy's arrays, not a batch.
+        room: one room, not a batch.
         config: what it keeps clear of.
     """
-    room = dataclasses.replace(room, boxes=pad(room.boxes, padded(room.boxes.low.shape[0])))
+    room = jax.device_get(room)
+    room = dataclasses.replace(room, boxes=pad(room.boxes, padded(len(room.boxes.low))))
     space = drive_space(robot, room, config)
     via = _vias(space)
     count, size = len(via), padded(len(via))

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 
@@ -26,8 +27,9 @@ def room_of(known, *, more=0):
     rows = np.array([*known.boxes, *more * [(2.0, 2.0, 0.3, 5.0, 5.0)]], np.float32).astype(float)
     there = np.arange(len(rows)) < len(known.boxes)
     ones = np.ones(len(rows))
-    boxes = Boxes(rows[:, :3], rows[:, 3:], 0.0 * ones, 0.75 * ones, there, ones > 0)
-    return Room(boxes, np.array(known.floor if known.floor else UNBOUNDED))
+    arrays: tuple[Any, ...] = (rows[:, :3], rows[:, 3:], 0.0 * ones, 0.75 * ones, there, ones > 0, ones > 0)
+    floor: Any = np.array(known.floor if known.floor else UNBOUNDED)
+    return Room(Boxes(*arrays), floor)
 
 
 def draw_room(rng, count):
