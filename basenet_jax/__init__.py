@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from basenet_jax.task.plan import Plan as Plan
     from basenet_jax.task.plan_file import PlanFileError as PlanFileError
     from basenet_jax.task.plan_file import load_plan as load_plan
+    from basenet_jax.task.plan_file import load_plan_world as load_plan_world
     from basenet_jax.task.plan_file import save_plan as save_plan
     from basenet_jax.world.generate import draw_scene as draw_scene
     from basenet_jax.world.scene import NamedScene as NamedScene
@@ -64,6 +65,7 @@ _MODULES = {
     "forward_kinematics": "robot.kinematics",
     "geometric_jacobian": "robot.kinematics",
     "load_plan": "task.plan_file",
+    "load_plan_world": "task.plan_file",
     "load_robot": "robot.reading",
     "load_scene": "world.scene_file",
     "make_plan": "api",
@@ -102,6 +104,7 @@ __all__ = [
     "forward_kinematics",
     "geometric_jacobian",
     "load_plan",
+    "load_plan_world",
     "load_robot",
     "load_scene",
     "make_plan",

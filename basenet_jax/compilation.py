@@ -26,6 +26,23 @@ from basenet_jax.atomic import write_atomically
 _KEPT = 64  # programs of the folder, the latest used: each new version of the package leaves its own behind
 _SETTINGS = ("enable_x64", "default_matmul_precision", "threefry_partitionable")  # of JAX, that programs depend on
 _DIGEST = 32  # bytes, of SHA-256
+_COMPILED = "/jax/core/compile/backend_compile_duration"  # JAX's event for a program compiled, or found in its cache
+
+
+def programs_of_this_thread() -> int:
+    """How many programs this thread has had to compile or to load so far: two counts tell whether a call had to."""
+    return getattr(_thread, "programs", 0)
+
+
+_thread = threading.local()
+
+
+def _count_program(event: str = _COMPILED, *_: Any, **__: Any) -> None:
+    if event == _COMPILED:
+        _thread.programs = programs_of_this_thread() + 1
+
+
+jax.monitoring.register_event_duration_secs_listener(_count_program)
 
 
 def cache_folder() -> Path | None:
@@ -101,6 +118,7 @@ class Stored:
         path = self._path(settings, shapes)
         stored = None if path is None else _read(path)
         if stored is not None:
+            _count_program()
             try:
                 return serialize_executable.deserialize_and_load(*stored)
             except (RuntimeError, ValueError, TypeError, pickle.UnpicklingError):

@@ -91,6 +91,12 @@ def test_a_pick_near_a_singular_pose_is_noted(call, monkeypatch):
     assert steps[1]["least_singular_value"] < 0.01 < 0.02 < steps[0]["least_singular_value"]
 
 
+def test_a_changed_world_is_in_the_plan_file(call):
+    assert call("scene.yaml", "--out", "plan.json", "--world.pick.close-s", "0.5")[0] == 0
+    with open("plan.json") as file:
+        assert json.load(file)["world"] == {"pick": {"close_s": 0.5}}
+
+
 def test_basenet_plans_unless_told_otherwise_and_nothing_is_written_unasked(call, made):
     assert call("scene.yaml")[0] == 0
     assert made == ["basenet"]

@@ -100,7 +100,7 @@ def write_outputs(
     try:
         if path:
             times = {"planning_time_s": timed.planning_time_s, "compile_time_s": timed.compile_time_s}
-            save_plan(path, scene, timed.plan, outcome, planner=options.planner, **times)
+            save_plan(path, scene, timed.plan, outcome, planner=options.planner, world=setup.world, **times)
         for path, content in ((options.picture, picture), (options.video, video)):
             if path:
                 write_atomically(path, content)

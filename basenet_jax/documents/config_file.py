@@ -56,6 +56,19 @@ def overlay(base: T, data: dict[str, Any], path: str | os.PathLike[str]) -> T:
         raise ConfigFileError(f"{path}: {error}") from None
 
 
+def differences(changed: Settings, base: Settings) -> dict[str, Any]:
+    """What a file would have to say to make one of the other; plain values, nested, empty where they are equal."""
+    found = {}
+    for name in hints_of(type(base)):
+        old, new = getattr(base, name), getattr(changed, name)
+        if isinstance(old, Settings) and isinstance(new, Settings):
+            if inner := differences(new, old):
+                found[name] = inner
+        elif old != new:
+            found[name] = list(new) if isinstance(new, tuple) else new
+    return found
+
+
 def _overlay(base: T, data: dict[str, Any], where: str) -> T:
     hints = hints_of(type(base))
     changes = {}

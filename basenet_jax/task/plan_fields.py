@@ -1,8 +1,8 @@
 """The fields of the plan file, `basenet-plan/1`."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
-from msgspec import Meta, Struct
+from msgspec import UNSET, Meta, Struct, UnsetType, field
 
 from basenet_jax.world.scene import MAX_OBJECTS
 
@@ -43,12 +43,20 @@ class TotalsFields(Struct, forbid_unknown_fields=True):
     execution_s: _Duration
 
 
+class WorldFields(Struct, forbid_unknown_fields=True, omit_defaults=True):
+    """In what the world's settings differ from the defaults."""
+
+    navigation: dict[str, Any] = field(default_factory=dict)
+    pick: dict[str, Any] = field(default_factory=dict)
+
+
 class PlanFields(Struct, forbid_unknown_fields=True, kw_only=True):
     """The whole file."""
 
     format: str = FORMAT
     planner: str
     robot: str
+    world: WorldFields | UnsetType = UNSET  # not there: the default one
     planning_time_s: _Duration
     compile_time_s: _Duration
     steps: Annotated[list[StepFields], Meta(max_length=MAX_OBJECTS)]
@@ -62,6 +70,9 @@ ALLOWED = {
     "format": f"is {FORMAT!r}",
     "planner": "is a planner's name",
     "robot": "is a robot's name",
+    "world": "is a mapping of the settings that differ, navigation and pick, or no such key",
+    "world.navigation": "is a mapping of settings",
+    "world.pick": "is a mapping of settings",
     "planning_time_s": _SECONDS,
     "compile_time_s": _SECONDS,
     "steps": f"is a list of up to {MAX_OBJECTS} steps",

@@ -6,14 +6,17 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from msgspec import UNSET, UnsetType, to_builtins
 
 from basenet_jax.atomic import write_atomically
+from basenet_jax.config import WorldConfig
+from basenet_jax.documents.config_file import ConfigFileError, differences, overlay
 from basenet_jax.documents.fields import DocumentError, convert, describe, field_error, shortest
 from basenet_jax.documents.text_files import read_json, to_json
 from basenet_jax.robot.reading import robot_name
 from basenet_jax.task.picking import Reason
 from basenet_jax.task.plan import Outcome, Plan
-from basenet_jax.task.plan_fields import ALLOWED, FORMAT, ArmFields, PlanFields, StepFields, TotalsFields
+from basenet_jax.task.plan_fields import ALLOWED, FORMAT, ArmFields, PlanFields, StepFields, TotalsFields, WorldFields
 from basenet_jax.world.scene import NamedScene
 
 REASONS = {reason.name.lower(): reason for reason in Reason if reason != Reason.NONE}
@@ -32,6 +35,7 @@ def save_plan(
     planner: str,
     planning_time_s: float,
     compile_time_s: float,
+    world: WorldConfig = WorldConfig(),
 ) -> None:
     """Writes a plan file, whole or not at all. Its decimals give back the same float32 values.
 
@@ -43,6 +47,7 @@ def save_plan(
         planner: its maker's name.
         planning_time_s: what making it took (s), compiled ahead of time.
         compile_time_s: what compiling took (s).
+        world: that it was planned and executed in; what differs from the default drives and picks is written.
 
     Raises:
         OSError: the file can't be written.
@@ -60,6 +65,7 @@ def save_plan(
     content = PlanFields(
         planner=planner,
         robot=robot_name(scene.robot),
+        world=WorldFields(**changes) if (changes := _changes(world, WorldConfig())) else UNSET,
         planning_time_s=shortest(planning_time_s),
         compile_time_s=shortest(compile_time_s),
         steps=steps,
@@ -68,18 +74,24 @@ def save_plan(
     write_atomically(path, to_json(content))
 
 
-def load_plan(path: str | os.PathLike[str], scene: NamedScene) -> Plan:
+def load_plan(path: str | os.PathLike[str], scene: NamedScene, world: WorldConfig = WorldConfig()) -> Plan:
     """Reads the plan of a scene: the order and the base poses. The outcome is for `execute` to say.
+
+    Args:
+        path: of the file.
+        scene: that was planned.
+        world: that the plan is going to be executed in; `load_plan_world` reads the one that it was made in.
 
     Returns:
         The plan in float32, unbatched, with the scene's slots.
 
     Raises:
-        PlanFileError: the file can't be read, or isn't a plan of that scene.
+        PlanFileError: the file can't be read, or isn't a plan of that scene, or was made in another world.
     """
+    content, own = _read(path)
     try:
-        content = convert(read_json(path), PlanFields, format_name=FORMAT, allowed=ALLOWED)
         _check(content, scene)
+        _check_world(own, world)
     except DocumentError as error:
         raise PlanFileError(f"{path}: {error}") from None
     slots = scene.arrays.mask.shape[-1]
@@ -91,6 +103,26 @@ def load_plan(path: str | os.PathLike[str], scene: NamedScene) -> Plan:
         pose[number] = step.base_pose or (0.0, 0.0, 0.0)
         reason[number] = 0 if step.base_pose else REASONS[str(step.reason)]
     return Plan(*(jnp.asarray(leaf) for leaf in (index, pose, served, reason)))
+
+
+def load_plan_world(path: str | os.PathLike[str]) -> WorldConfig:
+    """Reads the world, as far as drives and picks go, that the plan of a file was made and executed in.
+
+    Raises:
+        PlanFileError: the file can't be read, or holds no plan.
+    """
+    return _read(path)[1]
+
+
+def _read(path: str | os.PathLike[str]) -> tuple[PlanFields, WorldConfig]:
+    try:
+        content = convert(read_json(path), PlanFields, format_name=FORMAT, allowed=ALLOWED)
+        changes = {} if isinstance(content.world, UnsetType) else to_builtins(content.world)
+        return content, overlay(WorldConfig(), changes, f"{path}: world")
+    except DocumentError as error:
+        raise PlanFileError(f"{path}: {error}") from None
+    except ConfigFileError as error:
+        raise PlanFileError(str(error)) from None
 
 
 def reason_name(reason: Any) -> str | None:
@@ -110,6 +142,21 @@ def _step(scene: NamedScene, plan: Plan, outcome: Outcome, step: int) -> StepFie
         arm=ArmFields(pre_grasp=shortest(joints[0]), grasp=shortest(joints[-1])) if feasible else None,
         least_singular_value=shortest(least[step]) if feasible and least is not None else None,
     )
+
+
+def _changes(world: WorldConfig, base: WorldConfig) -> dict[str, Any]:
+    """Those of drives and picks; tables are the scene's, and how scenes are drawn is nothing to a plan."""
+    return {name: own for name, own in differences(world, base).items() if name in ("navigation", "pick")}
+
+
+def _check_world(own: WorldConfig, world: WorldConfig) -> None:
+    """That the file's world is the one that its plan is going to be executed in."""
+    wanted = _changes(world, own)
+    for section, changes in _changes(own, world).items():
+        name, value = next(iter(changes.items()))
+        raise field_error(
+            f"world.{section}.{name}", describe(value), f"is {describe(wanted[section][name])}, as where it is executed"
+        )
 
 
 def _check(plan: PlanFields, scene: NamedScene) -> None:

@@ -1,9 +1,11 @@
 """Makes plans for the session, and says what takes so long when something does."""
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
 
+from basenet_jax.compilation import programs_of_this_thread
+from basenet_jax.planners.on_its_table import table_sizes
 from basenet_jax.viewer import planned
 from basenet_jax.viewer.planned import Choices, Planned, Refused
 from basenet_jax.viewer.worker import Worker
@@ -23,17 +25,19 @@ class PlanMaker:
 
     def __init__(self, choices: Choices, tell: Callable[[str], None], report: Callable[[Exception], None]):
         self._choices, self._tell = choices, tell
-        self._seen: set[tuple[str, str, int]] = set()  # planners, robots and slots that were compiled for
+        self._seen: set[Hashable] = set()  # planners, robots, slots and tables that were compiled for
         self._background = Worker(report)
 
     def make(self, name: str, scene: NamedScene) -> Planned | Refused:
         """The plan of a planner, or why there is none."""
-        variant = (name, scene.robot, len(scene.arrays.mask))
-        new = variant not in self._seen
+        variant = (name, scene.robot, len(scene.arrays.mask), _sizes(scene))
+        new, before = variant not in self._seen, programs_of_this_thread()
         try:
             with self._told(f"compiling {name}, once: this can take a minute" if new else f"{name} is planning"):
                 made = planned.make_plan(scene, name, self._choices)
-                if new:  # again, for what planning takes without compiling
+                # Again, for what planning takes without compiling. Exact planners compile now and then for known
+                # variants too, when another number of objects or of stops counts.
+                if programs_of_this_thread() != before:
                     made = planned.make_plan(scene, name, self._choices)
         except ValueError as error:
             return Refused(name, str(error))
@@ -67,3 +71,8 @@ class PlanMaker:
             timer.cancel()
             timer.join()
             self._tell("")
+
+
+def _sizes(scene: NamedScene) -> tuple[float, ...]:
+    """Of the scene's table (m)."""
+    return tuple(table_sizes(scene.arrays.table).tolist())

@@ -30,6 +30,7 @@ class Planned:
     outcome: Outcome
     motion: Motion
     planning_s: float | None  # None: not planned here
+    world: WorldConfig = field(default_factory=WorldConfig)  # that it was judged in
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,7 @@ def judge_plan(
     outcome = api.execute(scene, plan, world=world)
     plan, outcome = jax.device_get((plan, outcome))
     motion = plan_motion(load_robot(scene.robot), scene.arrays, plan, outcome, world)
-    return Planned(maker, scene, plan, outcome, motion, planning_s)
+    return Planned(maker, scene, plan, outcome, motion, planning_s, world)
 
 
 def warm_up(scene: NamedScene, planner: str, choices: Choices = Choices()) -> None:

@@ -112,7 +112,7 @@ class Session:
     def upload_plan(self, name: str, content: bytes) -> None:
         """Shows the plan of a file instead of the first planner's, until something changes."""
         scene = self._scene
-        plan = uploads.read_plan(name, content, scene)
+        plan = uploads.read_plan(name, content, scene, self._choices.world)
 
         def show() -> None:
             judged = planned.judge_plan(scene, plan, name[:40], world=self._choices.world)

@@ -3,6 +3,7 @@
 import tempfile
 from pathlib import Path
 
+from basenet_jax.config import WorldConfig
 from basenet_jax.task.plan import Plan
 from basenet_jax.task.plan_file import load_plan, save_plan
 from basenet_jax.viewer.editing import pad
@@ -33,17 +34,17 @@ def read_scene(name: str, content: bytes, robot: str | None = None) -> NamedScen
             raise _named(error, path, name) from None
 
 
-def read_plan(name: str, content: bytes, scene: NamedScene) -> Plan:
+def read_plan(name: str, content: bytes, scene: NamedScene, world: WorldConfig = WorldConfig()) -> Plan:
     """The plan of an uploaded file.
 
     Raises:
-        ValueError: it holds no plan of this scene; the message is the loader's.
+        ValueError: it holds no plan of this scene, or one of another world; the message is the loader's.
     """
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "plan.json"
         path.write_bytes(content)
         try:
-            return load_plan(path, scene)
+            return load_plan(path, scene, world)
         except ValueError as error:
             raise _named(error, path, name) from None
 
@@ -68,6 +69,7 @@ def plan_file(planned: Planned) -> bytes:
             planner=planned.maker,
             planning_time_s=planned.planning_s or 0.0,
             compile_time_s=0.0,
+            world=planned.world,
         )
         return path.read_bytes()
 

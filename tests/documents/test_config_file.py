@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from basenet_jax.config import NavigationConfig, PickConfig, WorldConfig
-from basenet_jax.documents.config_file import ConfigFileError, load_config
+from basenet_jax.documents.config_file import ConfigFileError, differences, load_config, overlay
 from basenet_jax.learning.config import SacConfig, TrainConfig, make_preset
 
 
@@ -94,3 +94,11 @@ def test_what_is_no_file_is_refused(tmp_path):
 def test_json_is_read_as_such(write):
     path = write(json.dumps({"straight": True}), "c.json")
     assert load_config(path, NavigationConfig()) == NavigationConfig(straight=True)
+
+
+def test_differences_are_what_makes_one_of_the_other(tmp_path):
+    changed = WorldConfig(pick=PickConfig(close_s=0.5, descent_heights_m=(0.06, 0.03)))
+    found = differences(changed, WorldConfig())
+    assert found == {"pick": {"close_s": 0.5, "descent_heights_m": [0.06, 0.03]}}
+    assert overlay(WorldConfig(), found, "file") == changed
+    assert differences(WorldConfig(), WorldConfig()) == {}

@@ -8,9 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from basenet_jax.config import NavigationConfig, PickConfig, TableConfig, WorldConfig
 from basenet_jax.task.picking import Reason
 from basenet_jax.task.plan import Outcome, Plan, with_singular_values
-from basenet_jax.task.plan_file import PlanFileError, load_plan, save_plan
+from basenet_jax.task.plan_file import PlanFileError, load_plan, load_plan_world, save_plan
 from basenet_jax.world.boxes import Room
 from basenet_jax.world.naming import name_objects
 from basenet_jax.world.scene import Scene
@@ -110,6 +111,39 @@ def test_the_plan_comes_back(path, scene, plan):
         np.testing.assert_array_equal(one, other)
 
 
+@pytest.fixture
+def other_world(tmp_path, scene, plan, outcome):
+    """A plan of a changed world, in a file."""
+    pick = PickConfig(close_s=0.5, descent_heights_m=(0.06, 0.03))
+    world = WorldConfig(navigation=NavigationConfig(straight=True), pick=pick, table=TableConfig(height_m=0.6))
+    save_plan(tmp_path / "other.json", scene, plan, outcome, **ABOUT, world=world)
+    return tmp_path / "other.json", world
+
+
+def test_a_changed_world_is_written_and_read_again(path, other_world, scene, plan):
+    file, world = other_world
+    content = json.loads(file.read_text())
+    assert list(content)[2:4] == ["robot", "world"]
+    assert content["world"] == {
+        "navigation": {"straight": True},
+        "pick": {"close_s": 0.5, "descent_heights_m": [0.06, 0.03]},
+    }
+    assert load_plan_world(file) == dataclasses.replace(world, table=TableConfig())
+    np.testing.assert_array_equal(load_plan(file, scene, world).object_index, plan.object_index)
+    assert "world" not in json.loads(path.read_text())
+    assert load_plan_world(path) == WorldConfig()
+
+
+def test_a_plan_of_another_world_is_refused(path, other_world, scene):
+    file, _ = other_world
+    with pytest.raises(
+        PlanFileError, match=r"other\.json: world\.navigation\.straight: found true, allowed is false, as"
+    ):
+        load_plan(file, scene)
+    with pytest.raises(PlanFileError, match=r"plan\.json: world\.pick\.close_s: found 1\.0, allowed is 0\.5, as where"):
+        load_plan(path, scene, WorldConfig(pick=PickConfig(close_s=0.5)))
+
+
 def test_infinite_numbers_are_not_written(tmp_path, scene, plan, outcome):
     wrong = dataclasses.replace(outcome, pick_time=np.where(np.arange(5) == 0, np.nan, outcome.pick_time))
     with pytest.raises(ValueError, match="finite"):
@@ -141,7 +175,7 @@ def put(*keys_and_value):
     [
         (put("format", "basenet-plan/2"), "format: found 'basenet-plan/2', allowed is 'basenet-plan/1'"),
         (put("robot", "fetch"), "robot: found 'fetch', allowed is the scene's, 'ur5e_mobile'"),
-        (put("colour", 1), "colour: found an unknown key, allowed are format, planner, robot, planning_time_s"),
+        (put("colour", 1), "colour: found an unknown key, allowed are format, planner, robot, world, planning_t"),
         (put("planning_time_s", -1), "planning_time_s: found -1, allowed is a number from 0 on (s)"),
         (put("totals", "grasped", True), "totals.grasped: found true, allowed is a whole number"),
         (put("steps", 0, "object", "cup"), "steps[0].object: found 'cup', allowed are the scene's: mug_1, mug_2"),
@@ -156,6 +190,12 @@ def put(*keys_and_value):
         (put("steps", 2, "reason", "tired"), "steps[2].reason: found 'tired', allowed are base_collides, out_of_reach"),
         (put("steps", 2, "reason", None), "steps[2].reason: found null, allowed are base_collides"),
         (put("steps", 0, "least_singular_value", -1), "steps[0].least_singular_value: found -1, allowed is a number f"),
+        (put("world", {"floor": {}}), "world.floor: found an unknown key, allowed are navigation, pick"),
+        (
+            put("world", {"pick": {"closing": 1}}),
+            "world: pick.closing: found an unknown key, allowed are pregrasp_h",
+        ),
+        (put("world", {"pick": {"close_s": "long"}}), "world: pick.close_s: found 'long', allowed are numbers, 0 to"),
         (put("steps", 0, "arm", {}), "steps[0].arm.pre_grasp: found nothing, allowed is a list of joint angles (rad)"),
         (drop_last, "steps: found no step for 'mug_2', allowed is one step for each object of the scene"),
         (
@@ -163,7 +203,7 @@ def put(*keys_and_value):
             "steps[1].base_pose: found a pose after a step with none, allowed are steps",
         ),
     ],
-    ids=range(17),
+    ids=range(20),
 )
 def test_what_is_no_plan_of_the_scene_is_refused(path, scene, change, said):
     content = json.loads(path.read_text())

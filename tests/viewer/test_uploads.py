@@ -1,11 +1,13 @@
 """Files from a page go through the commands' loaders, under the name that their owner knows."""
 
+import dataclasses
 import json
 
 import jax
 import numpy as np
 import pytest
 
+from basenet_jax.config import PickConfig, WorldConfig
 from basenet_jax.task.plan_file import load_plan
 from basenet_jax.viewer import uploads
 from tests.scene_texts import CONTENT, TEXT
@@ -54,6 +56,14 @@ def test_a_plan_comes_back_as_it_went(planned, scene):
     read = uploads.read_plan("plan.json", uploads.plan_file(planned), scene)
     np.testing.assert_array_equal(read.object_index[:2], planned.plan.object_index[:2])
     np.testing.assert_array_equal(read.base_pose[:2], planned.plan.base_pose[:2])
+
+
+def test_a_plan_of_another_world_is_refused(planned, scene):
+    world = WorldConfig(pick=PickConfig(close_s=0.5))
+    with pytest.raises(ValueError, match=r"mine\.json: world\.pick\.close_s: found 1\.0, allowed is 0\.5"):
+        uploads.read_plan("mine.json", uploads.plan_file(planned), scene, world)
+    changed = uploads.plan_file(dataclasses.replace(planned, world=world))
+    assert uploads.read_plan("mine.json", changed, scene, world).object_index.tolist()[:2] == [0, 1]
 
 
 def test_a_plan_of_another_scene_is_refused(planned):
