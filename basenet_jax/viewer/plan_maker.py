@@ -5,10 +5,10 @@ from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
 
 from basenet_jax.compilation import programs_of_this_thread
-from basenet_jax.planners.on_its_table import table_sizes
 from basenet_jax.viewer import planned
 from basenet_jax.viewer.planned import Choices, Planned, Refused
 from basenet_jax.viewer.worker import Worker
+from basenet_jax.world.boxes import fingerprint
 from basenet_jax.world.scene import NamedScene
 
 _PATIENCE_S = 0.4  # after which it is said what takes so long
@@ -25,12 +25,12 @@ class PlanMaker:
 
     def __init__(self, choices: Choices, tell: Callable[[str], None], report: Callable[[Exception], None]):
         self._choices, self._tell = choices, tell
-        self._seen: set[Hashable] = set()  # planners, robots, slots and tables that were compiled for
+        self._seen: set[Hashable] = set()  # planners, robots, slots and rooms that were compiled for
         self._background = Worker(report)
 
     def make(self, name: str, scene: NamedScene) -> Planned | Refused:
         """The plan of a planner, or why there is none."""
-        variant = (name, scene.robot, len(scene.arrays.mask), _sizes(scene))
+        variant = (name, scene.robot, len(scene.arrays.mask), fingerprint(scene.arrays.room))
         new, before = variant not in self._seen, programs_of_this_thread()
         try:
             with self._told(f"compiling {name}, once: this can take a minute" if new else f"{name} is planning"):
@@ -71,8 +71,3 @@ class PlanMaker:
             timer.cancel()
             timer.join()
             self._tell("")
-
-
-def _sizes(scene: NamedScene) -> tuple[float, ...]:
-    """Of the scene's table (m)."""
-    return tuple(table_sizes(scene.arrays.table).tolist())

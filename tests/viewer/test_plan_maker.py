@@ -11,7 +11,7 @@ from basenet_jax import api
 from basenet_jax.planners import registry
 from basenet_jax.viewer.plan_maker import PlanMaker
 from basenet_jax.viewer.planned import Choices, Planned
-from basenet_jax.world.scene import Table
+from basenet_jax.world.boxes import Room
 from tests.scene_texts import park_once
 from tests.viewer import WATCHDOG_S
 
@@ -35,7 +35,7 @@ def maker(monkeypatch):
 
     monkeypatch.setattr(registry, "make_planner", make)
     api._planner.cache_clear()
-    made = PlanMaker(Choices(), lambda _: None, pytest.fail)
+    made = PlanMaker(Choices(), lambda _: None, lambda error: pytest.fail(str(error)))
     yield made, calls
     assert made.wait_idle(WATCHDOG_S)
     assert made.close()
@@ -45,11 +45,11 @@ def maker(monkeypatch):
 def test_what_compiles_for_a_table_or_a_number_of_objects_is_planned_again(maker, scene):
     made, calls = maker
     slots = len(scene.arrays.mask)
-    high = Table(scene.arrays.table.half_size, np.float32(0.8))  # pyright: ignore[reportArgumentType]
+    high = Room.of_table(scene.arrays.room.table_half_size, scene.arrays.room.table_height + 0.05)
     one = dataclasses.replace(scene.arrays, mask=np.arange(slots) < 1)
     variants = {
         "first": scene,
-        "table": dataclasses.replace(scene, arrays=dataclasses.replace(scene.arrays, table=high)),
+        "table": dataclasses.replace(scene, arrays=dataclasses.replace(scene.arrays, room=high)),
         "count": dataclasses.replace(scene, arrays=one, names=scene.names[:1]),
     }
     for name, variant in variants.items():
