@@ -6,12 +6,12 @@ import sys
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 
 from basenet_jax.command_line import TablesAndScenes, parse, world_of_file
-from basenet_jax.config import WorldConfig
+from basenet_jax.config import TableConfig, WorldConfig
 
 _MAX_COUNT = 100_000
 _QUIET_S = 2.0  # work shorter than this shows no progress
@@ -21,8 +21,9 @@ _QUIET_S = 2.0  # work shorter than this shows no progress
 class Arguments:
     """Writes random scenes as scene-0000.yaml, scene-0001.yaml, ... into a folder.
 
-    Objects are of the five packaged classes, uniformly on a table of 2.0 x 0.8 m unless --world says otherwise; the
-    robot starts 2.5 to 3 m from its centre. Scene i of a seed is the same whatever the count.
+    Objects are of the five packaged classes, uniformly on a table of 2.0 x 0.8 m unless --world.table says otherwise;
+    the robot starts 2.5 to 3 m from its centre. With --world rooms they stand on one to three surfaces of a room of 6
+    to 10 by 5 to 8 m with up to six obstacles. Scene i of a seed is the same whatever the count.
     """
 
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
@@ -39,6 +40,8 @@ class Arguments:
     """Replace scene files of the same names."""
     config: Path | None = None
     """YAML or JSON file of settings, such as a training's config.json, whose world is used. Options come before it."""
+    kind: Annotated[Literal["table", "rooms"], tyro.conf.arg(name="world")] = "table"
+    """The paper's world, one table, or rooms."""
     world: TablesAndScenes = field(default_factory=TablesAndScenes)
 
 
@@ -59,6 +62,8 @@ def main(arguments: list[str] | None = None) -> int:
     ):
         if not low <= value <= high:
             return _fail(2, f"--{name}: found {value}, allowed are {low} to {high}")
+    if options.kind == "rooms" and world.table != TableConfig():
+        return _fail(2, "--world.table: found settings of a table, allowed are none with --world rooms")
     try:
         return _generate(options, world)
     except OSError as error:
@@ -87,6 +92,7 @@ def _generate(options: Arguments, world: WorldConfig) -> int:
     from basenet_jax.compilation import enable_cache
     from basenet_jax.progress import make_reporter
     from basenet_jax.robot.reading import load_robot
+    from basenet_jax.world.generate_rooms import draw_room
     from basenet_jax.world.scene_file import save_scene
 
     enable_cache()
@@ -98,15 +104,18 @@ def _generate(options: Arguments, world: WorldConfig) -> int:
     index = 0
     try:
         for index, name in enumerate(names):
-            own = jax.random.fold_in(key, index)
-            drawn = sample_scene(own, objects=options.objects, robot=options.robot, world=world)
+            if options.kind == "rooms":
+                drawn = draw_room([options.seed, index], options.objects, robot=options.robot, config=world.scene)
+            else:
+                own = jax.random.fold_in(key, index)
+                drawn = sample_scene(own, objects=options.objects, robot=options.robot, world=world)
             save_scene(options.out / name, drawn)
             if not shown and time.monotonic() - begin > _QUIET_S:
                 reporter.start("scenes", options.count, index, unit="scenes")
                 shown = True
             if shown:
                 reporter.update(index + 1, {})
-    except ValueError as error:  # no place for so many objects
+    except ValueError as error:  # no place for so many objects, or in rooms for the robot
         return _fail(2, f"--objects: scene {index} of seed {options.seed}: {error}")
     finally:
         reporter.finish()

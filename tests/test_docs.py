@@ -13,6 +13,8 @@ import basenet_jax as bn
 from basenet_jax.config import GridConfig, PickConfig, WorldConfig
 from basenet_jax.planners.protocol import PlannerSetup
 from basenet_jax.task.picking import Reason
+from basenet_jax.world.room_fields import ALLOWED
+from tests.room_texts import TEXT
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -80,3 +82,21 @@ def test_every_results_file_that_a_page_names_is_there_with_the_command_that_it_
 def test_the_reference_has_every_public_name_once():
     names = re.findall(r"^::: basenet_jax\.(\w+)$", (DOCS / "reference.md").read_text(), re.MULTILINE)
     assert sorted(names) == sorted(bn.__all__)
+
+
+def test_the_page_of_rooms_has_every_field():
+    page = (DOCS / "rooms.md").read_text()
+    for path in ALLOWED:
+        if not path.endswith("[]") and path not in ("surfaces", "obstacles", "walls", "keep_out", "robot", "objects"):
+            parent, _, name = path.rpartition(".")
+            assert f"`{path}`" in page or f"`.{name}`" in page, path
+            assert not parent or f"`{parent}." in page, path
+
+
+def test_the_page_of_rooms_quotes_what_is_said(tmp_path):
+    """Its example with the start where the pillar stands."""
+    page, path = (DOCS / "rooms.md").read_text(), tmp_path / "room.yaml"
+    path.write_text(TEXT.replace("start: [4.2, 1.0, 0.0]", "start: [4.0, 3.0, 0.0]"))
+    with pytest.raises(bn.SceneFileError) as info:
+        bn.load_scene(path)
+    assert f"basenet_jax.plan: {str(info.value).replace(str(path), path.name)}\n" in page

@@ -8,6 +8,7 @@ import pytest
 
 from basenet_jax import api, generate
 from basenet_jax.world.scene_file import load_scene
+from tests.room_texts import rules
 
 
 @pytest.fixture
@@ -50,6 +51,14 @@ def test_a_seed_gives_the_same_scenes_whatever_the_count(call):
     assert all(b[name] != c[name] for name in b)
 
 
+def test_rooms_are_written_too(call):
+    assert call("--world", "rooms", "--count", "2", "--out", "rooms")[0] == 0
+    rooms = [load_scene(f"rooms/scene-000{i}.yaml") for i in range(2)]
+    assert all(rules(room) == ("docked", True) and len(room.names) == 3 for room in rooms)
+    assert call("--world", "rooms", "--count", "1", "--out", "again")[0] == 0
+    assert texts("again")["scene-0000.yaml"] == texts("rooms")["scene-0000.yaml"]
+
+
 def test_existing_scenes_are_kept_unless_told_otherwise(call):
     call("--count", "1", "--out", ".")
     before = texts(".")
@@ -70,10 +79,14 @@ def test_existing_scenes_are_kept_unless_told_otherwise(call):
         (["--count", "0"], "--count: found 0, allowed are 1 to 100000"),
         (["--seed", "-1"], "--seed: found -1, allowed are 0 to 4294967295"),
         (["--seed", str(2**70)], "--seed: found 1180591620717411303424, allowed are 0 to 4294967295"),
+        (
+            ["--world", "rooms", "--world.table.width-m", "0.9"],
+            "--world.table: found settings of a table, allowed are none with --world rooms",
+        ),
         (["--out", "file"], "--out: found file, which can't be a folder to write to: File exists"),
         (["--out", "file/scenes"], "--out: found file/scenes, which can't be a folder to write to: Not a directory"),
     ],
-    ids=range(7),
+    ids=range(8),
 )
 def test_bad_input_is_refused(call, arguments, said):
     with open("file", "w"):

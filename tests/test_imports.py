@@ -42,7 +42,7 @@ LAYERS = (
     ("viewer",),
     ("command_line",),
     ("commands",),
-    ("train", "ablate", "evaluate", "plan", "generate", "view"),
+    ("train", "ablate", "evaluate", "plan", "generate", "convert", "view"),
 )
 LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}
 

@@ -18,6 +18,7 @@ from basenet_jax import api, plan
 from basenet_jax.planners import registry
 from basenet_jax.task.plan_file import load_plan
 from basenet_jax.world.scene_file import load_scene
+from tests import room_texts
 from tests.scene_texts import TEXT, content, park_once
 
 ROOT = Path(__file__).parents[1]
@@ -151,6 +152,14 @@ def test_damaged_bytes(data, name):
 @given(st.binary(max_size=200) | st.text(max_size=200).map(str.encode), st.sampled_from(["scene.yaml", "scene.json"]))
 def test_anything_at_all(data, name):
     assert run_and_check(data, name) == 2
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [("start: [4.2", "start: [4.0, 3.0"), ("on: bench", "on: table"), ("docked", "fast"), ("map", "m")]
+)
+def test_a_bad_room_is_refused_likewise(old, new):
+    text = room_texts.TEXT.replace("drives:", "map: none.yaml\ndrives:") if old == "map" else room_texts.TEXT
+    assert run_and_check(text.replace(old, new, 1).encode(), "room.yaml") == 2
 
 
 def test_the_valid_scene_is_planned_so_the_others_are_refused_for_their_changes():

@@ -68,7 +68,7 @@ def convert(data: Any, kind: type[T], *, format_name: str | None, allowed: Mappi
         raise field_error("", describe(data), f"is a mapping with {', '.join(_children('', allowed))}")
     if format_name is not None and data.get("format") != format_name:
         found = describe(data["format"]) if "format" in data else "nothing"
-        raise field_error("format", found, f"is {format_name!r}")
+        raise field_error("format", found, allowed["format"])
     try:
         return msgspec.convert(data, kind)
     except msgspec.ValidationError as error:

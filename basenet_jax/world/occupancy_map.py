@@ -18,13 +18,13 @@ from msgspec import Meta, Struct
 from basenet_jax.documents.fields import DocumentError, convert, describe, field_error
 from basenet_jax.documents.text_files import inside, read_bytes, read_yaml
 from basenet_jax.world.boxes import Boxes
+from basenet_jax.world.furniture import FLAT_M
 from basenet_jax.world.rectangles import cover
 
 MAX_CELLS = 4_000_000
 MAX_IMAGE_BYTES = 32 * 1024 * 1024
 MAX_RECTANGLES = 8192
 MODES = ("trinary", "scale", "raw")
-HIGH_M = 0.01  # of the boxes: a map says nothing of heights, and any box on the floor blocks the base
 _UNKNOWN = 205  # grey: of unknown cells in what map_saver writes in the mode `trinary`
 _FRAME = 1  # cells: beyond the map nothing is known
 
@@ -113,7 +113,7 @@ def map_boxes(occupancy: OccupancyMap) -> Boxes:
         "pose": np.column_stack([center, np.full(count, yaw)]).astype(np.float32),
         "half_size": ((high - low) / 2).astype(np.float32),
         "low": np.zeros(count, np.float32),
-        "high": np.full(count, HIGH_M, np.float32),
+        "high": np.full(count, FLAT_M, np.float32),
         "blocks_base": np.ones(count, bool),
         "blocks_arm": np.zeros(count, bool),
         "bears_objects": np.zeros(count, bool),

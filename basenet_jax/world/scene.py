@@ -11,6 +11,7 @@ from basenet_jax import struct
 from basenet_jax.config import MAX_OBJECTS as MAX_OBJECTS
 from basenet_jax.trigonometry import sin_cos
 from basenet_jax.world.boxes import Room
+from basenet_jax.world.furniture import Furniture
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,10 @@ class NamedScene:
     names: tuple[str, ...]
     robot: str = "ur5e_mobile"  # a packaged one's name, or the path of a robot file
     written_for: str | None = None  # the robot that its file names, where another one is to be used
+    box_names: tuple[str, ...] = ("table",)  # of the room's boxes; those beyond only pad
+    furniture: Furniture | None = (
+        None  # what the room was made of, and by which rules one plans; None: the paper's world
+    )
 
 
 def world_grasp(

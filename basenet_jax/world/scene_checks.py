@@ -1,6 +1,10 @@
 """What a scene must be beyond having the right fields."""
 
+from collections.abc import Mapping, Sequence
+from typing import Any
+
 import numpy as np
+from jaxtyping import Bool
 from msgspec import UNSET, UnsetType
 
 from basenet_jax.config import PickConfig
@@ -11,8 +15,6 @@ from basenet_jax.world.boxes import Room
 from basenet_jax.world.clearance import compiled_base_collides
 from basenet_jax.world.scene_fields import CLASSES, ObjectFields, RobotFields, SceneFields, make_room, size_of
 from basenet_jax.world.spacing import Footprints, gaps, needed_distance
-
-_SIZE_AND_GRASP = "are size and grasp, both and without class"
 
 
 def check_scene(scene: SceneFields, robot: str | None = None) -> str:
@@ -28,52 +30,86 @@ def check_scene(scene: SceneFields, robot: str | None = None) -> str:
     Raises:
         DocumentError: the message names the field, what was found and what is allowed.
     """
-    _check_names([item.name for item in scene.objects])
+    check_names([(f"objects[{index}]", item.name) for index, item in enumerate(scene.objects)])
     for index, item in enumerate(scene.objects):
-        _check_kind(item, f"objects[{index}]")
+        check_kind(item.class_, {"size": item.size, "grasp": item.grasp}, f"objects[{index}]")
         for axis, side in enumerate(scene.table.size):
             if abs(item.pose[axis]) > side / 2:
                 found = f"{item.pose[axis]}, off the table"
                 raise field_error(f"objects[{index}].pose[{axis}]", found, f"is {-side / 2} to {side / 2}")
-    _check_apart(scene.objects)
-    reference = _choose_robot(scene.robot, robot)
+    check_apart([item.name for item in scene.objects], footprints_of(scene.objects))
+    reference = choose_robot(scene.robot, robot)
     _check_start(load_robot(reference), scene.robot, make_room(scene.table))
     return reference
 
 
-def _check_names(names: list[str]) -> None:
-    for index, name in enumerate(names):
-        path = f"objects[{index}].name"
-        if not 1 <= len(name) <= 64 or not name.isprintable() or name != name.strip():
-            raise field_error(path, describe(name), "are 1 to 64 printable characters, with no space at the ends")
-        if (first := names.index(name)) < index:
-            raise field_error(path, f"{describe(name)}, the name of objects[{first}] too", "is a name of its own")
-
-
-def _check_kind(item: ObjectFields, path: str) -> None:
-    own = {"size": item.size, "grasp": item.grasp}
-    given = [key for key, value in own.items() if value is not UNSET]
-    if item.class_ is UNSET:
-        for key in own:
-            if key not in given:
-                found = "nothing" if given else "neither class nor size and grasp"
-                allowed = "are a class, or size and grasp" if not given else _SIZE_AND_GRASP
-                raise field_error(f"{path}.{key if given else 'class'}", found, allowed)
-    elif given:
-        raise field_error(f"{path}.{given[0]}", "it beside class", _SIZE_AND_GRASP)
-    elif item.class_ not in CLASSES:
-        allowed = f"are {', '.join(CLASSES)} (or size and grasp without class)"
-        raise field_error(f"{path}.class", describe(item.class_), allowed)
-
-
-def _check_apart(objects: list[ObjectFields]) -> None:
+def footprints_of(objects: Sequence[ObjectFields]) -> Footprints:
+    """What a file's objects cover."""
     pose = np.array([item.pose for item in objects])
     size = np.array([size_of(item) for item in objects])
-    footprints = Footprints(pose, size, np.array([item.class_ is UNSET for item in objects]))
-    for second, first in np.argwhere(np.tril(gaps(footprints, footprints) < 0, k=-1))[:1]:
+    return Footprints(pose, size, np.array([item.class_ is UNSET for item in objects]))
+
+
+def check_names(names: Sequence[tuple[str, str]]) -> None:
+    """That names can be printed, and none is there twice.
+
+    Args:
+        names: each thing's path, such as `objects[3]`, and its name.
+
+    Raises:
+        DocumentError: the message names the field, what was found and what is allowed.
+    """
+    seen: dict[str, str] = {}
+    for path, name in names:
+        if not 1 <= len(name) <= 64 or not name.isprintable() or name != name.strip():
+            allowed = "are 1 to 64 printable characters, with no space at the ends"
+            raise field_error(f"{path}.name", describe(name), allowed)
+        if name in seen:
+            raise field_error(f"{path}.name", f"{describe(name)}, the name of {seen[name]} too", "is a name of its own")
+        seen[name] = path
+
+
+def check_kind(class_: str | UnsetType, own: Mapping[str, Any], path: str) -> None:
+    """That an object is of a class or has all of its own, and not both.
+
+    Args:
+        class_: its class's name, or UNSET.
+        own: by key what else it may have: its size and what grasps it, or UNSET.
+        path: of the object, for messages.
+
+    Raises:
+        DocumentError: the message names the field, what was found and what is allowed.
+    """
+    given, both = [key for key, value in own.items() if value is not UNSET], " and ".join(own)
+    if class_ is UNSET:
+        for key in own:
+            if key not in given:
+                found = "nothing" if given else f"neither class nor {both}"
+                allowed = f"are a class, or {both}" if not given else f"are {both}, both and without class"
+                raise field_error(f"{path}.{key if given else 'class'}", found, allowed)
+    elif given:
+        raise field_error(f"{path}.{given[0]}", "it beside class", f"are {both}, both and without class")
+    elif class_ not in CLASSES:
+        raise field_error(f"{path}.class", describe(class_), f"are {', '.join(CLASSES)} (or {both} without class)")
+
+
+def check_apart(names: Sequence[str], footprints: Footprints, beside: Bool[np.ndarray, "N N"] | None = None) -> None:
+    """That objects don't overlap.
+
+    Args:
+        names: of the objects.
+        footprints: likewise.
+        beside: which of them could meet at all; None: all.
+
+    Raises:
+        DocumentError: the message names the objects, what was found and what is allowed.
+    """
+    overlap = (gaps(footprints, footprints) < 0) & (True if beside is None else beside)
+    pose = footprints.pose
+    for second, first in np.argwhere(np.tril(overlap, k=-1))[:1]:
         distance = np.linalg.norm(pose[second, :2] - pose[first, :2])
         needed = needed_distance(footprints, footprints)[second, first]
-        other = f"objects[{first}] ({describe(objects[first].name)})"
+        other = f"objects[{first}] ({describe(names[first])})"
         found, allowed = f"{distance:.4f} m to the centre of {other}", f"are {needed:.4f} m and more"
         if distance >= needed:
             found, allowed = (
@@ -83,7 +119,7 @@ def _check_apart(objects: list[ObjectFields]) -> None:
         raise field_error(f"objects[{second}].pose", found, allowed)
 
 
-def _choose_robot(fields: RobotFields, robot: str | None) -> str:
+def choose_robot(fields: RobotFields, robot: str | None) -> str:
     """The robot that was asked for, else the file's; a scene can name packaged ones alone."""
     if robot is not None:
         return robot

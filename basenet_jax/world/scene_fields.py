@@ -7,7 +7,7 @@ from msgspec import UNSET, Meta, Struct, UnsetType, field
 
 from basenet_jax.config import TableConfig
 from basenet_jax.world.boxes import Room
-from basenet_jax.world.scene import MAX_OBJECTS, OBJECT_CLASSES
+from basenet_jax.world.scene import MAX_OBJECTS, OBJECT_CLASSES, ObjectClass, Scene
 
 FORMAT = "basenet-scene/1"
 CLASSES = {kind.name: kind for kind in OBJECT_CLASSES}
@@ -65,7 +65,7 @@ class SceneFields(Struct, forbid_unknown_fields=True, kw_only=True):
 
 # By path, for messages.
 ALLOWED = {
-    "format": f"is {FORMAT!r}",
+    "format": "is 'basenet-scene/1' or 'basenet-scene/2'",
     "table": "is a mapping of size and height, or no such key",
     "table.size": "is [x, y], two numbers (m)",
     "table.size[]": "is a number from 0.1 to 3 (m)",
@@ -100,6 +100,16 @@ def grasp_of(item: ObjectFields) -> tuple[float, float, float]:
         kind = CLASSES[str(item.class_)]
         return kind.grasp_x, kind.grasp_z, kind.grasp_yaw
     return item.grasp.x, item.grasp.z, item.grasp.yaw
+
+
+def class_of(arrays: Scene, slot: int) -> ObjectClass | None:
+    """The packaged class of an object; None: it has none, or its size or grasp is another than its class's."""
+    kind = OBJECT_CLASSES[index] if (index := int(arrays.object_class[slot])) >= 0 else None
+    if kind is None:
+        return None
+    own = np.array([*arrays.object_size[slot], *arrays.object_grasp[slot]], np.float32)
+    same = np.array_equal(own, np.array([*kind.size, kind.grasp_x, kind.grasp_z, kind.grasp_yaw], np.float32))
+    return kind if same else None
 
 
 def make_room(table: TableFields) -> Room:

@@ -1,4 +1,4 @@
-"""Scene files, `basenet-scene/1`: what a user writes, read with every check that planning needs."""
+"""Scene files: what a user writes, `basenet-scene/1` here and rooms in `room_file`, with every check planning needs."""
 
 import os
 from pathlib import Path
@@ -13,7 +13,9 @@ from basenet_jax.documents.fields import DocumentError, convert, shortest
 from basenet_jax.documents.text_files import read_json, read_yaml, to_json
 from basenet_jax.documents.yaml_text import to_yaml
 from basenet_jax.robot.reading import robot_name
-from basenet_jax.world.scene import OBJECT_CLASSES, NamedScene, Scene
+from basenet_jax.world.room_fields import ROOM_FORMAT
+from basenet_jax.world.room_file import read_room, room_document
+from basenet_jax.world.scene import NamedScene, Scene
 from basenet_jax.world.scene_checks import check_scene
 from basenet_jax.world.scene_fields import (
     ALLOWED,
@@ -24,6 +26,7 @@ from basenet_jax.world.scene_fields import (
     RobotFields,
     SceneFields,
     TableFields,
+    class_of,
     grasp_of,
     make_room,
     size_of,
@@ -51,6 +54,8 @@ def load_scene(path: str | os.PathLike[str], *, robot: str | None = None) -> Nam
     """
     try:
         document = read_json(path) if _is_json(path) else read_yaml(path)
+        if isinstance(document, dict) and document.get("format") == ROOM_FORMAT:
+            return read_room(document, Path(path).parent, robot)
         fields = convert(document, SceneFields, format_name=FORMAT, allowed=ALLOWED)
         reference = check_scene(fields, robot)
     except DocumentError as error:
@@ -69,8 +74,12 @@ def save_scene(path: str | os.PathLike[str], scene: NamedScene) -> None:
         OSError: the file can't be written.
     """
     try:
-        data = msgspec.to_builtins(_to_fields(scene))
-        check_scene(convert(data, SceneFields, format_name=FORMAT, allowed=ALLOWED), scene.robot)
+        if scene.furniture is None:
+            data = msgspec.to_builtins(_to_fields(scene))
+            check_scene(convert(data, SceneFields, format_name=FORMAT, allowed=ALLOWED), scene.robot)
+        else:
+            data = room_document(scene)
+            read_room(data, Path(path).parent, scene.robot)
     except ValueError as error:
         raise SceneFileError(f"{path}: {error}") from None
     write_atomically(path, to_json(data) if _is_json(path) else to_yaml(data))
@@ -111,9 +120,7 @@ def _to_fields(scene: NamedScene) -> SceneFields:
 
 def _object_fields(arrays: Scene, slot: int, name: str) -> ObjectFields:
     pose, size, grasp = (shortest(x[slot]) for x in (arrays.object_pose, arrays.object_size, arrays.object_grasp))
-    kind = OBJECT_CLASSES[index] if (index := int(arrays.object_class[slot])) >= 0 else None
+    kind = class_of(arrays, slot)
     if kind is not None:
-        own = np.array([*size, *grasp], np.float32)
-        if np.array_equal(own, np.array([*kind.size, kind.grasp_x, kind.grasp_z, kind.grasp_yaw], np.float32)):
-            return ObjectFields(name=name, class_=kind.name, pose=tuple(pose))
+        return ObjectFields(name=name, class_=kind.name, pose=tuple(pose))
     return ObjectFields(name=name, pose=tuple(pose), size=tuple(size), grasp=GraspFields(*grasp))

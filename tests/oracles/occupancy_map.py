@@ -1,5 +1,7 @@
 """Cells of ROS maps, one by one, as nav2_map_server's `map_io.cpp` computes them; and what rectangles cover."""
 
+from math import cos, sin
+
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1
 
 
@@ -24,10 +26,8 @@ def cell_value(red, green, blue, alpha, *, mode, negate, occupied_thresh, free_t
     return max(1, round(100 * (occupancy - free_thresh) / (occupied_thresh - free_thresh)))  # a grade of grey
 
 
-def inside_box(x, y, pose, half_size):
+def inside_box(point, pose, half_size):
     """Whether a point in W lies in a box turned about z."""
-    from math import cos, sin
-
-    dx, dy = x - pose[0], y - pose[1]
+    dx, dy = point[0] - pose[0], point[1] - pose[1]
     along, across = cos(pose[2]) * dx + sin(pose[2]) * dy, cos(pose[2]) * dy - sin(pose[2]) * dx
     return abs(along) <= half_size[0] and abs(across) <= half_size[1]

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from basenet_jax.documents.fields import DocumentError
-from basenet_jax.world.occupancy_map import HIGH_M, OccupancyMap, map_boxes, read_map
+from basenet_jax.world.furniture import FLAT_M
+from basenet_jax.world.occupancy_map import OccupancyMap, map_boxes, read_map
 from tests.oracles import occupancy_map as oracle
 from tests.shared_data import shared_file
 
@@ -105,13 +106,14 @@ def test_boxes_stand_where_the_cells_are(closed, origin, resolution):
             x = origin[0] + math.cos(origin[2]) * along - math.sin(origin[2]) * across
             y = origin[1] + math.sin(origin[2]) * along + math.cos(origin[2]) * across
             inside = [
-                oracle.inside_box(x, y, *box) for box in zip(boxes.pose.tolist(), boxes.half_size.tolist(), strict=True)
+                oracle.inside_box((x, y), *box)
+                for box in zip(boxes.pose.tolist(), boxes.half_size.tolist(), strict=True)
             ]
             assert any(inside) == framed[row, column]
     assert np.all(boxes.blocks_base)
     assert not np.any(boxes.blocks_arm)
     assert set(boxes.low.tolist()) == {0.0}
-    np.testing.assert_allclose(boxes.high, HIGH_M)
+    np.testing.assert_allclose(boxes.high, FLAT_M)
 
 
 def png_header(width, height, depth=8, kind=0):

@@ -80,8 +80,9 @@ def test_numbers_are_those_of_yaml_1_2(folder):
 
 # What is replaced by what, and what is then said.
 BAD = [
-    ("basenet-scene/1", "basenet-scene/2", "format: found 'basenet-scene/2', allowed is 'basenet-scene/1'"),
-    ("format: basenet-scene/1\n", "", "format: found nothing, allowed is 'basenet-scene/1'"),
+    ("scene/1", "scene/3", "format: found 'basenet-scene/3', allowed is 'basenet-scene/1' or 'basenet-scene/2'"),
+    ("scene/1", "scene/2", "table: found an unknown key, allowed are format, floor, map, surfaces, obstacles"),
+    ("format: basenet-scene/1\n", "", "format: found nothing, allowed is 'basenet-scene/1' or 'basenet-scene/2'"),
     ("robot:", "roboter:", "roboter: found an unknown key, allowed are format, table, robot, objects"),
     (
         "mug_1,",
