@@ -10,7 +10,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 from jax import Array
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from basenet_jax import rounds
 from basenet_jax.robot.model import Robot
@@ -20,8 +20,8 @@ from basenet_jax.task.roadmap import SAME_PLACE_M, Roadmap, road_turn_time
 from basenet_jax.trigonometry import atan2
 
 MOST_PIECES = 16  # between vias
-_AT_ONCE = 64  # places from which roads are searched at once
-_UNROLL = 8  # steps of a scan done at once, so that what they share is read from memory once
+_AT_ONCE = 128  # places from which roads are searched at once
+_BLOCK = 8  # neighbours that are gone through at once; what they are padded to is a multiple of it
 
 
 class Pieces(NamedTuple):
@@ -90,22 +90,19 @@ def reach_vias(robot: Robot, roadmap: Roadmap, start: Float[Array, "P 3"], first
     straight = jnp.where(roadmap.is_via[:, None, None], first.time.T[:, None] + first_turn, jnp.inf)
     onto = road_turn_time(robot, away[:, :, None] - direction[:, None])
     seed = roadmap.time[:, :, None, None] + (straight[:, None] + onto[:, :, None])
-    shape, (vias, degree) = seed.shape, roadmap.time.shape
+    shape, degree = seed.shape, _degree(roadmap)
 
     def arrive(left: Array) -> Array:
         """Pieces by where they end instead of by where they begin."""
-        return left.reshape(vias * degree, -1)[roadmap.back.ravel()].reshape(shape)
+        return left.reshape(roadmap.time.size, -1)[roadmap.back.ravel()].reshape(shape)
+
+    def leave(via: tuple[Array, ...]) -> Array:
+        over, turn, count = via
+        return _least_sum(over, turn, count)
 
     def relax(state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
         over, _, count = state
-
-        def come_from(best: Array, neighbour: tuple[Array, Array]) -> tuple[Array, None]:
-            before, turn = neighbour
-            return jnp.minimum(best, before[:, None] + turn[:, :, None, None]), None
-
-        none = jnp.full(shape, jnp.inf, seed.dtype)
-        neighbours = (jnp.moveaxis(over, 1, 0), jnp.moveaxis(roadmap.turn, 1, 0))
-        left, _ = jax.lax.scan(come_from, none, neighbours, unroll=_UNROLL)
+        left = jax.lax.map(leave, (over, roadmap.turn, degree))
         new = jnp.minimum(over, arrive(left + roadmap.time[:, :, None, None]))
         return new, jnp.any(new < over), count + 1
 
@@ -130,20 +127,15 @@ def _roads(robot: Robot, roadmap: Roadmap, start: Array, goal: Array, last: Piec
 
     def onto_goal(arrived: Array, direction: Array) -> Array:
         """With the last turn, of the goal's heading and of the opposite one."""
-        turn = road_turn_time(robot, goal[:, 2] - direction - gear)
-        return jnp.stack([jnp.min(arrived + each[:, None], axis=0) for each in (turn, turn[::-1])])
+        turn = road_turn_time(robot, goal[:, 2, None] - direction[:, None] - gear[:, 0])[..., None]
+        return jnp.stack([jnp.min(arrived + each, axis=1) for each in (turn, turn[:, ::-1])])
 
     def from_via(ways: Array, via: tuple[Array, ...]) -> tuple[Array, None]:
-        straight, over, away, arriving, leaving, time = via
-
-        def come_from(best: Array, neighbour: tuple[Array, Array]) -> tuple[Array, None]:
-            before, back = neighbour
-            turn = road_turn_time(robot, leaving - back - jnp.pi)
-            return jnp.minimum(best, before[..., None] + turn), None
-
-        turn = road_turn_time(robot, leaving - arriving[:, None])
-        arrived, _ = jax.lax.scan(come_from, straight[..., None] + turn, (over, away), unroll=_UNROLL)
-        return jnp.minimum(ways, onto_goal(arrived + time, leaving)), None
+        straight, over, away, arriving, leaving, time, degree = via
+        turn = road_turn_time(robot, leaving - away[:, None] - jnp.pi)
+        arrived = _least_sum(over, turn, jnp.where(jnp.any(jnp.isfinite(time)), degree, 0))
+        arrived = jnp.minimum(arrived, straight + road_turn_time(robot, leaving[:, None] - arriving)[:, None])
+        return jnp.minimum(ways, onto_goal(arrived + time[:, None, None], leaving)), None
 
     first_turn = road_turn_time(robot, direct.direction + gear[..., None] - start[:, 2, None])
     last_turn = road_turn_time(robot, goal[:, 2] - direct.direction - gear[..., None])
@@ -152,4 +144,23 @@ def _roads(robot: Robot, roadmap: Roadmap, start: Array, goal: Array, last: Piec
     in_place = road_turn_time(robot, goal[:, 2] - start[:, 2, None] + halves)
     ways = jnp.where(direct.same, in_place, direct.time + turns)
     from_vias = (reached.straight, reached.over, away_from(roadmap), first.direction.T, last.direction, last.time)
-    return jnp.moveaxis(jax.lax.scan(from_via, ways, from_vias)[0], 1, 0)
+    ways = jax.lax.scan(from_via, jnp.swapaxes(ways, 1, 2), (*from_vias, _degree(roadmap)))[0]
+    return jnp.moveaxis(ways, 2, 0)
+
+
+def _degree(roadmap: Roadmap) -> Int[Array, " V"]:
+    """How many neighbours each via has."""
+    return jnp.sum(jnp.isfinite(roadmap.time), axis=1)
+
+
+def _least_sum(before: Float[Array, "D G P"], turn: Float[Array, "D X"], count: Array) -> Float[Array, "X G P"]:
+    """The least of before + turn over the first `count` rows, a block of them at a time."""
+
+    def block(index: Array, best: Array) -> Array:
+        some, turns = (jax.lax.dynamic_slice_in_dim(x, _BLOCK * index, _BLOCK) for x in (before, turn))
+        for row in range(_BLOCK):
+            best = jnp.minimum(best, some[row] + turns[row][:, None, None])
+        return best
+
+    none = jnp.full((turn.shape[1], *before.shape[1:]), jnp.inf, before.dtype)
+    return jax.lax.fori_loop(0, -(-count // _BLOCK), block, none)
