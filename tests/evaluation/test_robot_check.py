@@ -117,7 +117,13 @@ def test_a_tool_that_points_into_the_flange_is_noticed(make, robot):
 
 def test_packaged_robots_are_listed(capsys):
     assert main(["list"]) == 0
-    assert capsys.readouterr().out.split() == ["panda_mobile", "ur10e_mobile", "ur3e_mobile", "ur5e_mobile"]
+    assert capsys.readouterr().out.split() == [
+        "panda_mobile",
+        "ridgeback_ur5e",
+        "ur10e_mobile",
+        "ur3e_mobile",
+        "ur5e_mobile",
+    ]
 
 
 def test_a_refused_file_ends_with_code_2(make, capsys):

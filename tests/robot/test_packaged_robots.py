@@ -16,6 +16,7 @@ UR = {
     "ur5e_mobile": ((0.1625, 0, 0, 0.1333, 0.0997, 0.0996), (0, -0.425, -0.3922, 0, 0, 0)),
     "ur10e_mobile": ((0.1807, 0, 0, 0.17415, 0.11985, 0.11655), (0, -0.6127, -0.57155, 0, 0, 0)),
 }
+UR["ridgeback_ur5e"] = UR["ur5e_mobile"]
 PANDA_D = (0.333, 0.0, 0.316, 0.0, 0.384, 0.0, 0.0)
 PANDA_A = (0.0, 0.0, 0.0, 0.0825, -0.0825, 0.0, 0.088)  # Craig's convention: before the joint
 PANDA_ALPHA = (0.0, -HALF_PI, HALF_PI, HALF_PI, -HALF_PI, HALF_PI, HALF_PI)
@@ -76,6 +77,10 @@ def test_the_tool_is_where_the_makers_parameters_put_it(name):
     expected = np.array([panda_tool(q) if name == "panda_mobile" else ur_tool(name, q) for q in joints])
     np.testing.assert_allclose(position, expected[:, :3, 3], atol=FLOAT64)
     np.testing.assert_allclose(rotation, expected[:, :3, :3], atol=FLOAT64)
+
+
+def test_one_of_them_drives_in_any_direction():
+    assert [name for name in ROBOTS if load_robot(name).omnidirectional] == ["ridgeback_ur5e"]
 
 
 def test_the_closed_form_is_used_where_there_is_one():

@@ -86,7 +86,9 @@ def test_a_robot_is_kept_until_a_file_of_it_changes(files):
 
 @pytest.mark.parametrize("reference", ["ur6e", "robot.xml", ""])
 def test_unknown_robots(reference):
-    allowed = "allowed are panda_mobile, ur10e_mobile, ur3e_mobile, ur5e_mobile, or the path of a robot file"
+    allowed = (
+        "allowed are panda_mobile, ridgeback_ur5e, ur10e_mobile, ur3e_mobile, ur5e_mobile, or the path of a robot file"
+    )
     with pytest.raises(ValueError, match=f"found '{reference}', {allowed}"):
         load_robot(reference)
 

@@ -140,7 +140,7 @@ BAD = [
     (
         "ur5e_mobile",
         "fetch",
-        "robot.model: found 'fetch', allowed are panda_mobile, ur10e_mobile",
+        "robot.model: found 'fetch', allowed are panda_mobile, ridgeback_ur5e, ur10e_mobile",
     ),
     ("2.4, -1.1", "1.3, 0", "robot.start: found [1.3, 0.0, 1.57], where the base of ur5e_mobile touches"),
     ("height: 0.75", "height: 0", "table.height: found 0, allowed is a number from 0.01 to 3 (m)"),
