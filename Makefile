@@ -6,6 +6,7 @@
 #   make docs       build the documentation into site/
 #   make test-all   the fast tests on every interpreter found among VERSIONS
 #   make nightly    the same in fresh environments with the newest packages, and then the slow tests
+#   make lock       write uv.lock anew (needs uv), after dependencies have changed
 #   make bench      every script in benchmarks/ at a tiny size
 #   make clean      remove environments, caches and build outputs (never runs/)
 #
@@ -27,8 +28,11 @@ find_python = $(shell for candidate in python$(1) "$$(pyenv root 2>/dev/null)"/v
 	"$$candidate" -c 'import sys; sys.exit("%d.%d" % sys.version_info[:2] != "$(1)")' 2>/dev/null \
 	&& echo "$$candidate" && break; done)
 
-.PHONY: train test lint types docs fast-tests slow-tests test-all nightly nightly-slow-tests models bench clean
+.PHONY: train test lint types docs fast-tests slow-tests test-all nightly nightly-slow-tests models lock bench clean
 .DELETE_ON_ERROR:
+
+lock:
+	uv lock
 
 train: $(VENV)/package.stamp
 	$(RUN) -m basenet_jax.train --objects 10 --preset quick $(ARGS)
