@@ -173,8 +173,8 @@ def replan(
 ) -> Plan:
     """Plans what is left, from where the robot stands now: after each pick, and whenever something has changed.
 
-    The scene keeps its number of slots, and the plan's steps name the same ones, so most planners compile nothing
-    again; `dp` and `refined` do once for each number of objects that remain.
+    The scene keeps its number of slots, and the plan's steps name the same ones, so nothing is compiled again after the
+    whole scene was planned by the same planner (by `refined`: once, where 11 objects are left of more).
 
     Args:
         scene: as it is now, unbatched: objects that were moved are where they are now.

@@ -3,29 +3,25 @@
 from collections.abc import Callable, Sequence
 from functools import partial
 
-import jax
 import numpy as np
 from jax import Array
 
 from basenet_jax.config import NavigationConfig
 from basenet_jax.planners.candidates import Candidates, check_candidates
-from basenet_jax.planners.exact_sequence import best_sequence
 from basenet_jax.planners.protocol import PlannerSetup, PlanningError, no_plan
-from basenet_jax.planners.stop_problem import stop_problem
+from basenet_jax.planners.stop_problem import Sizes, stop_problem
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.plan import Plan, compiled_execute
 from basenet_jax.world.scene import Scene
 
 MAX_OBJECTS = 14  # 2^14 subsets x 2,500 poses: 160 MiB and some ten seconds on two cores; each more doubles both
 
-_best_sequence = jax.jit(best_sequence)
-
 
 class Dp:
     """The least-cost plan among all whose base poses are on the grid."""
 
     def __init__(self, setup: PlannerSetup):
-        self._setup = setup
+        self._setup, self._sizes = setup, Sizes(MAX_OBJECTS)
 
     def __call__(self, scene: Scene, key: Array) -> Plan:
         """See `Planner`; the key is ignored."""
@@ -33,7 +29,7 @@ class Dp:
         setup = self._setup
         check_size(int(np.sum(scene.mask)))
         candidates = check_candidates(setup.robot, scene, setup.grid_poses, world=setup.world)
-        return plan_exactly(setup.robot, scene, candidates, setup.world.navigation)
+        return plan_exactly(setup.robot, scene, candidates, setup.world.navigation, self._sizes)
 
     def preparations(self, scene: Scene) -> Sequence[Callable[[], object]]:
         """See `PreparedPlanner`."""
@@ -58,7 +54,11 @@ def check_size(objects: int) -> None:
 
 
 def plan_exactly(
-    robot: Robot, scene: Scene, candidates: Candidates, config: NavigationConfig = NavigationConfig()
+    robot: Robot,
+    scene: Scene,
+    candidates: Candidates,
+    config: NavigationConfig = NavigationConfig(),
+    sizes: Sizes | None = None,
 ) -> Plan:
     """The plan of least N + G over all orders and all choices among the candidates; unserved objects come last.
 
@@ -67,8 +67,9 @@ def plan_exactly(
         scene: unbatched.
         candidates: base poses with validated costs.
         config: of the drives.
+        sizes: of the problems before, see `stop_problem`.
     """
-    problem = stop_problem(robot, scene, candidates, config)
+    problem = stop_problem(robot, scene, candidates, config, sizes)
     if not len(problem.slots):
         return problem.plan_nothing(scene)
-    return problem.plan(scene, *jax.device_get(_best_sequence(*problem.costs)))
+    return problem.plan(scene, *problem.best_steps())

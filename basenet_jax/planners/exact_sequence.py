@@ -10,8 +10,10 @@ The second line is the work: 2^N P^2 sums. Only arrivals are stored; the way bac
 A set is the bits of an integer, which is its row in the table.
 """
 
+import functools
 import math
 from functools import reduce
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -23,8 +25,28 @@ _SETS_AT_ONCE = 32  # with a thousand poses their costs stay in a CPU core's cac
 _POSES_AT_ONCE = 16  # relaxed in one pass over those: each element is loaded and stored once for many sums
 
 
+class Sets(NamedTuple):
+    """The sets of the first objects of a problem, in the order in which they are extended."""
+
+    chunks: Int[Array | np.ndarray, "chunks sets"]
+    used: Int[Array | np.ndarray, ""] | int  # of the chunks; the others only fill up
+    everything: Int[Array | np.ndarray, ""] | int  # the set of them all
+
+
+@functools.cache
+def sets_of(objects: int, columns: int) -> Sets:
+    """The sets of the first so many objects, in arrays that are as large for fewer objects as for all columns."""
+    chunks = _sets_by_size(objects)
+    missing = max(len(_sets_by_size(columns)), 1) - len(chunks)
+    everything = np.array(2**objects - 1, np.int32)
+    return Sets(np.pad(chunks.astype(np.int32), ((0, missing), (0, 0))), np.array(len(chunks), np.int32), everything)
+
+
 def best_sequence(
-    pick_time: Float[Array, "P N"], first_drive: Float[Array, " P"], drive: Float[Array, "P P"]
+    pick_time: Float[Array, "P N"],
+    first_drive: Float[Array, " P"],
+    drive: Float[Array, "P P"],
+    sets: Sets | None = None,
 ) -> tuple[Int[Array, " N"], Int[Array, " N"]]:
     """The cheapest way to pick all N objects, each from one of P poses.
 
@@ -32,19 +54,22 @@ def best_sequence(
         pick_time: s; infinite where the pose doesn't serve the object.
         first_drive: from the robot's start to each pose (s).
         drive: from pose to pose (s), 0 for staying.
+        sets: of the first objects, where only these are to be picked; then columns that are left out take no time.
 
     Returns:
-        Objects in order, and the pose of each.
+        Objects in order, and the pose of each; of fewer than N objects these are the last ones.
     """
     picks = pick_time.T
     count = len(picks)
+    sets = sets_of(count, count) if sets is None else sets
+    chunks = jnp.asarray(sets.chunks)
     arrival = jnp.full((2**count, len(first_drive)), jnp.inf, picks.dtype).at[0].set(first_drive)
 
-    def extend(arrival: Array, sets: Array) -> tuple[Array, None]:
-        cost = reduce(jnp.minimum, (_cost_if_last(arrival, picks, sets, o) for o in range(count)))
-        return arrival.at[sets].set(_min_plus(cost, drive)), None
+    def extend(index: Array, arrival: Array) -> Array:
+        cost = reduce(jnp.minimum, (_cost_if_last(arrival, picks, chunks[index], o) for o in range(count)))
+        return arrival.at[chunks[index]].set(_min_plus(cost, drive))
 
-    arrival, _ = jax.lax.scan(extend, arrival, jnp.array(_sets_by_size(count)))
+    arrival = jax.lax.fori_loop(0, sets.used, extend, arrival)
 
     def step_back(carry: tuple[Array, Array], _: None) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
         """From a set and the pose of its last pick to those before it."""
@@ -54,7 +79,7 @@ def best_sequence(
         cost = jnp.min(_costs_by_last(arrival, picks, before), axis=0)
         return (before, jnp.argmin(cost + drive[:, pose])), (last, pose)
 
-    everything = jnp.array(2**count - 1)
+    everything = jnp.asarray(sets.everything)
     final = jnp.argmin(jnp.min(_costs_by_last(arrival, picks, everything), axis=0))
     _, (order, stops) = jax.lax.scan(step_back, (everything, final), length=count)
     return order[::-1], stops[::-1]

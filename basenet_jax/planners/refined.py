@@ -16,12 +16,11 @@ from basenet_jax.compilation import Stored
 from basenet_jax.config import RefinementConfig, WorldConfig
 from basenet_jax.planners.aligned_stops import aligned_poses
 from basenet_jax.planners.candidates import Candidates, check_candidates, join
-from basenet_jax.planners.exact_sequence import best_sequence
 from basenet_jax.planners.options import RefinedOptions
 from basenet_jax.planners.protocol import PlannerSetup, no_plan
 from basenet_jax.planners.refinement import alternatives, reassign, refine
 from basenet_jax.planners.route import Route, as_plan, as_route, reason_by_slot
-from basenet_jax.planners.stop_problem import stop_problem
+from basenet_jax.planners.stop_problem import Sizes, stop_problem
 from basenet_jax.planners.stop_search import plan_steps, search_stops
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.plan import Plan, compiled_execute
@@ -30,8 +29,6 @@ from basenet_jax.world.scene import Scene
 EXACT_OBJECTS = 11  # more are searched: exact planning takes 30 ms here and doubles with every further object
 SEARCH_ITERATIONS = 2000  # 50 ms at 12 objects, 150 ms at 30; more gain less than 0.1 %
 PAIRS_AT_ONCE = 1536  # of stop and object: all those of ten objects and the aligned stops in reach
-
-_best_sequence = jax.jit(best_sequence)
 
 
 class Refined:
@@ -44,6 +41,7 @@ class Refined:
     def __init__(self, setup: PlannerSetup, options: RefinedOptions = RefinedOptions()):
         """Prepares the aligned stops."""
         self._setup, self._budget_s, self._refinement = setup, options.budget_s, options.refinement
+        self._sizes = Sizes(EXACT_OBJECTS)
         self._compiled: set[tuple[int, int]] = set()  # slots and served objects that a budget was spent on before
         self._aligned = jax.device_put(aligned_poses(setup.robot, setup.room, options.aligned, setup.world.pick))
 
@@ -99,11 +97,11 @@ class Refined:
 
     def _propose(self, scene: Scene, pool: Candidates, key: Array) -> Plan:
         """The best plan on a pool of stops, or for many objects a very good one."""
-        problem = stop_problem(self._setup.robot, scene, pool, self._setup.world.navigation)
+        problem = stop_problem(self._setup.robot, scene, pool, self._setup.world.navigation, self._sizes)
         if not len(problem.slots):
             return problem.plan_nothing(scene)
         if len(problem.slots) <= EXACT_OBJECTS:
-            return problem.plan(scene, *jax.device_get(_best_sequence(*problem.costs)))
+            return problem.plan(scene, *problem.best_steps())
         return problem.plan(scene, *plan_steps(search_stops(*problem.costs, key, iterations=SEARCH_ITERATIONS)))
 
     def _check(self, scene: Scene, poses: Float[Array, "K 3"]) -> Candidates:

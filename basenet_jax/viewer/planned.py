@@ -65,7 +65,7 @@ class Choices:
 def make_plan(scene: NamedScene, planner: str, choices: Choices = Choices()) -> Planned:
     """Has a scene planned; the first time for a planner, a robot, a table and a number of slots it compiles.
 
-    dp and refined, which are exact, compile for every number of objects.
+    dp and refined compile now and then for known sizes too, where more stops serve something than before.
 
     Raises:
         ValueError: the planner can't serve the scene, or its weights can't be used.

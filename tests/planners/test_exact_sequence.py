@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import optimize, sparse
 
-from basenet_jax.planners.exact_sequence import best_sequence
+from basenet_jax.planners.exact_sequence import best_sequence, sets_of
 
 solve = jax.jit(best_sequence)
 
@@ -47,6 +47,18 @@ def test_nothing_is_cheaper_by_brute_force(seed, objects):
     order, stops = (np.asarray(x) for x in solve(*costs))
     assert sorted(order) == list(range(objects))
     np.testing.assert_allclose(cost_of(order, stops, costs), brute_force(*costs), rtol=1e-6)
+
+
+@pytest.mark.parametrize("objects", [1, 2, 3, 4])
+def test_columns_that_fill_up_change_nothing(objects):
+    picks, first, drive = random_costs(6, objects, 5)
+    padded = np.pad(picks, ((0, 0), (0, 5 - objects)), constant_values=np.inf)
+    found = solve(padded, first, drive, sets_of(objects, 5))
+    order, stops = (np.asarray(x)[-objects:] for x in found)
+    assert sorted(order) == list(range(objects))
+    np.testing.assert_allclose(
+        cost_of(order, stops, (picks, first, drive)), brute_force(picks, first, drive), rtol=1e-6
+    )
 
 
 def mixed_integer_optimum(picks, first, drive):
