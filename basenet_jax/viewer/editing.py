@@ -99,7 +99,7 @@ def add_object(scene: NamedScene, kind: str) -> NamedScene:
         leaf: np.concatenate([old := getattr(arrays, leaf)[:count], np.asarray(row, old.dtype)[None]])
         for leaf, row in zip(BY_SLOT, rows, strict=True)
     }
-    grown = NamedScene(dataclasses.replace(arrays, **longer), (*scene.names, name), scene.robot)
+    grown = dataclasses.replace(scene, arrays=dataclasses.replace(arrays, **longer), names=(*scene.names, name))
     return _at_freest_place(pad(grown), count)
 
 
@@ -113,7 +113,7 @@ def remove_object(scene: NamedScene, name: str) -> NamedScene:
         raise PlacementError("the last object can't be removed, add another one first")
     keep = [index for index, other in enumerate(scene.names) if other != name]
     left = dataclasses.replace(scene.arrays, **{leaf: getattr(scene.arrays, leaf)[keep] for leaf in BY_SLOT})
-    return pad(NamedScene(left, tuple(scene.names[index] for index in keep), scene.robot))
+    return pad(dataclasses.replace(scene, arrays=left, names=tuple(scene.names[index] for index in keep)))
 
 
 def _with(scene: NamedScene, **leaves: np.ndarray) -> NamedScene:

@@ -8,6 +8,7 @@ import pytest
 from basenet_jax.api import sample_scene
 from basenet_jax.viewer import editing
 from basenet_jax.viewer.editing import FEW_OBJECTS, PlacementError
+from basenet_jax.world.room_file import as_room
 from basenet_jax.world.scene import MAX_OBJECTS, OBJECT_CLASSES
 from basenet_jax.world.scene_file import load_scene, save_scene
 
@@ -74,6 +75,12 @@ def test_a_removed_object_leaves_no_gap(scene):
     np.testing.assert_array_equal(left.arrays.object_pose[:2], grown.arrays.object_pose[1:3])
     assert left.arrays.mask.sum() == 2
     assert not np.any(left.arrays.object_pose[2:])
+
+
+def test_a_room_stays_the_room_that_it_was_made_of(scene):
+    room = as_room(scene)
+    for edited in (editing.add_object(room, "mug"), editing.remove_object(room, scene.names[0])):
+        assert (edited.furniture, edited.box_names) == (room.furniture, room.box_names)
 
 
 def test_the_last_object_stays(scene):

@@ -290,6 +290,10 @@ def test_a_room_that_is_changed_beside_its_furniture_is_not_written(folder):
     room = dataclasses.replace(arrays, room=dataclasses.replace(arrays.room, boxes=boxes))
     with pytest.raises(SceneFileError, match="room: found boxes or a floor changed in the arrays"):
         save_scene(folder / "wrong.yaml", dataclasses.replace(scene, arrays=room))
+    with pytest.raises(
+        SceneFileError, match="room: found a room of 6 boxes without its furniture, allowed is one table"
+    ):
+        save_scene(folder / "wrong.yaml", dataclasses.replace(scene, furniture=None))
     with pytest.raises(SceneFileError, match="2 names"):
         save_scene(folder / "wrong.yaml", dataclasses.replace(scene, names=scene.names[:2]))
     assert not (folder / "wrong.yaml").exists()
