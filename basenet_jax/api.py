@@ -115,7 +115,7 @@ def make_planner(
     Args:
         name: pbg, pbg-gc, mbp, mbp-gc, dp, greedy-stops, refined, basenet-paper, basenet or basenet-sample.
         robot: a packaged one's name, the path of a robot file, or a robot.
-        table: of the scenes; by default the world's.
+        room: of the scenes; by default one with the world's table.
         world: of drives and picks.
         grid: of base poses that the classical planners choose from, and others fall back on.
         options: the planner's own, such as `samples=512` of basenet-sample; `planners.options` has them all.

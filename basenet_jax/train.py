@@ -35,7 +35,7 @@ class Arguments:
     resume: bool = False
     """Continue the run in --run-dir."""
     robot: str = "ur5e_mobile"
-    """A packaged robot (panda_mobile, ridgeback_ur5e, ur10e_mobile, ur3e_mobile, ur5e_mobile), or a robot file's path."""
+    """A packaged robot (panda_mobile, ridgeback_ur5e, ur10e_mobile, ur3e_mobile, ur5e_mobile), or a robot file."""
     devices: int | None = None
     """How many of this machine's devices share the work; the result is one device's up to rounding. Default: all."""
     layer: Literal["base-pose", "sequence", "stops", "all"] = "all"

@@ -69,7 +69,7 @@ def pick(
         robot: the robot.
         base_pose: of the base, (x, y, heading) in W.
         grasp: of tool0, (x, y, z, yaw) in W; see `Scene.grasps`.
-        table: one for the whole batch, or one per pick.
+        room: one for the whole batch, or one per pick.
         config: heights, tolerances and durations of the cycle.
         arm_check: tests joint states for collision.
         seeds: joints that the search for solutions begins at where there is no closed form; by default a lattice's.

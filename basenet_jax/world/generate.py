@@ -44,7 +44,7 @@ def draw_scene(
     Args:
         key: consumed.
         count: number of objects, 1 to `slots`.
-        table: where they stand.
+        room: where they stand: on its first box, the table.
         slots: M, objects that the scene has room for.
         own_class_share: probability of an object with random size and grasp instead of one of the five classes.
         config: margins and numbers of tries.

@@ -128,10 +128,10 @@ def _draw_start(draw: Draw, furniture: Furniture, robot: Robot) -> tuple[float, 
     floor, tops = reach.floor, [(np.array(each.pose), np.array(each.size) / 2) for each in furniture.surfaces]
     for _ in range(_PLACES):
         x, y = draw.number(floor[0], floor[2]), draw.number(floor[1], floor[3])
-        part = int(reach.part(np.array([[x, y]]))[0])
-        if part:
-            served = all(reach.serves(part, *top) for top in tops)
-            return (x, y, draw.number(-math.pi, math.pi)) if served else None
+        start = (x, y, draw.number(-math.pi, math.pi))
+        part = int(reach.part(np.array([start[:2]]))[0])
+        if part and reach.stands(np.array([start])):
+            return start if all(reach.serves(part, *top) for top in tops) else None
     return None
 
 

@@ -44,6 +44,10 @@ class Reach:
         cell = np.clip(cell, 0, np.array(self._labels.shape) - 1)
         return np.where(self.turning(points), self._labels[cell[:, 0], cell[:, 1]], 0)
 
+    def stands(self, pose: Float[np.ndarray, "1 3"]) -> bool:
+        """Whether the base may stop at a pose."""
+        return len(self._clear(pose, _STOP_CLEAR_M, 0.0)) == 1
+
     def serves(self, part: int, surface: Float[np.ndarray, "3"], half_size: Float[np.ndarray, "2"]) -> bool:
         """Whether a stop in line with a side of a surface can be left straight to that part of the floor."""
         stops = self._clear(self._stops(surface, half_size), _STOP_CLEAR_M, 0.0)

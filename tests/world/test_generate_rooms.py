@@ -19,7 +19,7 @@ from tests.oracles.occupancy_map import inside_box
 
 @pytest.fixture(scope="module")
 def rooms():
-    return [draw_room([3, i], 1 + i) for i in range(24)]
+    return [draw_room([0, i], 1 + i % 24) for i in range(40)]
 
 
 def corners(pose, size):
@@ -71,15 +71,17 @@ def test_objects_stand_on_their_surfaces_apart(rooms):
             assert on[i] is not on[j] or distance >= radius[i] + radius[j] - 1e-3
 
 
-def test_the_start_is_a_turning_place(rooms):
+def test_the_start_is_a_turning_place_and_a_stop(rooms):
     margin = np.hypot(0.4, 0.25) + 0.05 - 0.001
     for room in rooms:
-        x, y, _ = np.asarray(room.arrays.robot_start, float).tolist()
+        x, y, heading = np.asarray(room.arrays.robot_start, float).tolist()
+        base = corners((x, y, heading), (0.8, 0.5))
         _, _, width, depth = room.furniture.floor
         assert margin - 0.05 <= x <= width - margin + 0.05
         assert margin - 0.05 <= y <= depth - margin + 0.05
         for each in (*room.furniture.surfaces, *room.furniture.obstacles):
             assert not inside_box((x, y), each.pose, np.array(each.size[:2]) / 2 + margin - 1e-6)
+            assert polygon_distance(base, corners(each.pose, np.array(each.size[:2]) + 0.2)) > 0
 
 
 def test_a_seed_gives_the_same_room_everywhere():
