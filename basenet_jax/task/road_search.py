@@ -98,7 +98,12 @@ def reach_vias(robot: Robot, roadmap: Roadmap, start: Float[Array, "P 3"], first
 
     def leave(via: tuple[Array, ...]) -> Array:
         over, turn, count = via
-        return _least_sum(over, turn, count)
+
+        def some(index: Array, left: Array) -> Array:
+            turns = jax.lax.dynamic_slice_in_dim(turn, _BLOCK * index, _BLOCK, axis=1)
+            return jax.lax.dynamic_update_slice_in_dim(left, _least_sum(over, turns, count), _BLOCK * index, axis=0)
+
+        return jax.lax.fori_loop(0, -(-count // _BLOCK), some, jnp.full(over.shape, jnp.inf, over.dtype))
 
     def relax(state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
         over, _, count = state
