@@ -41,6 +41,7 @@ SCRIPTS = (
     "exported_moves",
     "cold_start",
     "routing",
+    "docked_drives",
 )
 
 Cells = tuple[str, ...]
