@@ -157,7 +157,7 @@ BAD = [
     ("180, 0, 30]", "180, 0, 30], symmetric: false", "objects[2].grasps[0]: found a grasp of another kind"),
     ("position: [0, 0, 0.3], ", "", "objects[2].grasps[0].position: found nothing, allowed is [x, y, z], three numb"),
     ("grasps:", "grasp:", "objects[2].grasp: found an unknown key, allowed are name, class, on, pose, size, grasps"),
-    ("ur5e_mobile", "fetch", "robot.model: found 'fetch', allowed are panda_mobile, ur10e_mobile"),
+    ("ur5e_mobile", "fetch", "robot.model: found 'fetch', allowed are panda_mobile, "),
     ("floor:", "map: none.yaml\nfloor:", "map: found 'none.yaml', allowed are files in the scene file's folder or b"),
     ("floor:", "map: 7\nfloor:", "map: found 7, allowed is the name of a map_server file, or no such key"),
 ]
