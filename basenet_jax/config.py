@@ -8,7 +8,7 @@ rest are choices of this project.
 import itertools
 import math
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, Literal
 
 from basenet_jax.settings import Count, Natural, NotNegative, Positive, Range, Settings, setting_error
 
@@ -31,21 +31,6 @@ class TableConfig(Settings):
 
 
 @dataclass(frozen=True)
-class NavigationConfig(Settings):
-    """How the base drives from pose to pose."""
-
-    path_slack_m: Annotated[float, Range(0, 0.1)] = 0.001
-    """The path stays out of the table grown by half the base's shorter side, less this: then every base pose that is
-    clear of the table lies outside, whatever the robot (0.249 m for the packaged ones)."""
-    via_clearance_m: Annotated[float, Range(0, 10)] = 0.20
-    """Via points are the corners of the table grown by half that side and this (0.45 m)."""
-    straight: bool = False
-    """The paper's simplest reading: one drive and one turn, through anything."""
-    same_pose: Annotated[float, Range(0, 0.01, above=True)] = 1e-6
-    """Below so many m or rad nothing is driven, and a segment has no direction."""
-
-
-@dataclass(frozen=True)
 class DockedConfig(Settings):
     """How the base drives in rooms, true to its footprint: undock, turn, drive along a road, turn, dock."""
 
@@ -55,6 +40,26 @@ class DockedConfig(Settings):
     """The longest straight piece from a stop to where the base may turn."""
     road_slack_m: Annotated[float, Range(0, 0.1)] = 0.001
     """Points and roads are tested against boxes grown by so much less, so that what touches a corner is free."""
+
+
+@dataclass(frozen=True)
+class NavigationConfig(Settings):
+    """How the base drives from pose to pose."""
+
+    drives: Literal["by-room", "point", "docked"] = "by-room"
+    """Of a point round one table (the paper's world), docked (true to the footprint), or by the room: of a point where
+    it has one table and nothing else."""
+    docked: DockedConfig = field(default_factory=DockedConfig)
+    """Of docked drives; what follows is of those of a point."""
+    path_slack_m: Annotated[float, Range(0, 0.1)] = 0.001
+    """The path stays out of the table grown by half the base's shorter side, less this: then every base pose that is
+    clear of the table lies outside, whatever the robot (0.249 m for the packaged ones)."""
+    via_clearance_m: Annotated[float, Range(0, 10)] = 0.20
+    """Via points are the corners of the table grown by half that side and this (0.45 m)."""
+    straight: bool = False
+    """The paper's simplest reading: one drive and one turn, through anything."""
+    same_pose: Annotated[float, Range(0, 0.01, above=True)] = 1e-6
+    """Below so many m or rad nothing is driven, and a segment has no direction."""
 
 
 @dataclass(frozen=True)
@@ -140,7 +145,9 @@ class GridConfig(Settings):
     turns: Annotated[int, Range(1, 3600)] = 8
     """Headings are whole multiples of a full turn divided by this."""
     half_size_m: tuple[Annotated[float, Range(0, 100)], Annotated[float, Range(0, 100)]] = (2.2, 1.6)
-    """The grid covers |x| and |y| up to these."""
+    """Round one table the grid covers |x| and |y| up to these."""
+    reach_m: Annotated[float, Range(0, 10)] = 1.2
+    """In other rooms it covers what is so near to a surface."""
 
     def _check_together(self) -> None:
         x, y = (2 * math.floor(half / self.step_m) + 1 for half in self.half_size_m)

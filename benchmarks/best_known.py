@@ -127,7 +127,9 @@ def _plans(refined: Refined, scene: Scene, key: jax.Array, options: Options) -> 
     if options.fine:
         setup = _setup()
         poses = grid_poses(setup.robot, setup.room, FINE, setup.world.pick)
-        plan = plan_exactly(setup.robot, scene, check_candidates(setup.robot, scene, poses, world=setup.world))
+        plan = plan_exactly(
+            setup.robot, setup.drives, scene, check_candidates(setup.robot, scene, poses, world=setup.world)
+        )
         yield "dp, 5 cm and 22.5 degrees, refined", refined.improve(scene, plan, keys[-1])
     for own in keys[:-1]:
         yield f"refined, {options.budget:g} s", refined(scene, own)

@@ -76,7 +76,7 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
 def plan_by_routing(setup: PlannerSetup, scene: Scene, seconds: float, seed: int) -> Plan:
     """The best plan over the grid's poses that PyVRP finds in some seconds."""
     candidates = check_candidates(setup.robot, scene, setup.grid_poses, world=setup.world)
-    problem = stop_problem(setup.robot, scene, candidates, setup.world.navigation)
+    problem = stop_problem(setup.robot, setup.drives, scene, candidates)
     return problem.plan(scene, *solve(problem, seconds, seed))
 
 

@@ -94,7 +94,8 @@ def _in_line(setup: PlannerSetup, step_m: float, gap_m: float = AlignedConfig().
 def _exactly(setup: PlannerSetup, poses: Poses) -> Planner:
     def plan(scene: Scene, key: jax.Array) -> Plan:
         del key
-        return plan_exactly(setup.robot, scene, check_candidates(setup.robot, scene, poses, world=setup.world))
+        candidates = check_candidates(setup.robot, scene, poses, world=setup.world)
+        return plan_exactly(setup.robot, setup.drives, scene, candidates)
 
     return plan
 

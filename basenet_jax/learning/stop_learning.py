@@ -32,9 +32,11 @@ from basenet_jax.learning.stop_problems import (
 )
 from basenet_jax.planners.aligned_stops import aligned_poses
 from basenet_jax.planners.stop_search import MAX_STOPS, search_stops
-from basenet_jax.policies.stop_policy import StopGraph, StopPolicy, StopScene, stop_graph
+from basenet_jax.policies.stop_policy import StopPolicy, StopScene
 from basenet_jax.policies.stop_rollout import END, choices_gradient, choose_best, choose_randomly, plans_of, play, start
 from basenet_jax.robot.model import Robot
+from basenet_jax.task.drives import make_drives
+from basenet_jax.task.prepared_world import PreparedWorld, prepare_world
 from basenet_jax.world.boxes import Room
 
 Metrics = dict[str, Array]
@@ -80,9 +82,7 @@ class StopLearning:
         self.room = Room.from_config(world.table)
         poses = aligned_poses(robot, self.room, aligned, world.pick)
         self.half_turn = half_turn_of(poses)
-        self.graph = jax.jit(stop_graph, static_argnames="config")(
-            robot, self.room, jnp.asarray(poses), world.navigation
-        )
+        self.prepared = prepare_world(robot, make_drives(robot, self.room, world.navigation), poses)
         self.policy = stop_network(config)
         updates = config.updates_per_interval * config.intervals
         schedule = optax.cosine_decay_schedule(config.learning_rate, updates, config.final_learning_rate_share)
@@ -99,7 +99,7 @@ class StopLearning:
         library = make_library(
             self.robot,
             self.room,
-            self.graph,
+            self.prepared,
             self.half_turn,
             library_key,
             config.library_objects,
@@ -108,7 +108,7 @@ class StopLearning:
         )
         examples = draw_many(example_key, library, config.examples, config.objects)
         problem = problem_of(library, jax.tree.map(lambda x: x[0], examples))
-        params = self.policy.init(network_key, self.graph, problem, start(problem))
+        params = self.policy.init(network_key, self.prepared, problem, start(problem))
         state = StopLearningState(
             params=params,
             optimizer=self.optimizer.init(params),
@@ -168,8 +168,8 @@ class StopLearning:
         draw_key, play_key = jax.random.split(key)
         draws = self.devices.split(draw_many(draw_key, state.library, config.problems_per_update, config.objects))
         problems = problem_of(state.library, jax.tree.map(lambda x: jnp.repeat(x, config.samples, axis=0), draws))
-        visited = play(self.policy, state.params, self.graph, problems, choose_randomly(play_key))
-        advantage = advantages(plans_of(self.graph, problems, visited).cost, config.samples)
+        visited = play(self.policy, state.params, self.prepared, problems, choose_randomly(play_key))
+        advantage = advantages(plans_of(self.prepared, problems, visited).cost, config.samples)
         gradient, loss, entropy = self.gradient(state.params, problems, visited, -advantage)
         return gradient, {"loss": loss, "entropy": entropy}
 
@@ -178,7 +178,7 @@ class StopLearning:
     ) -> tuple[Any, Float[Array, ""], Float[Array, ""]]:
         """See `choices_gradient`."""
         own = self.devices.apart(partial(choices_gradient, self.policy), in_axes=(None, None, 0, 0, 0), mean=True)
-        return own(params, self.graph, problems, visited, weight)
+        return own(params, self.prepared, problems, visited, weight)
 
     def _update(self, state: StopLearningState, gradient_of: Any) -> tuple[StopLearningState, Metrics]:
         own_key, key = jax.random.split(state.key)
@@ -195,7 +195,7 @@ class StopLearning:
         def search_all(library: Library, draws: Draw, keys: Array) -> Array:
             def search(problem: tuple[Draw, Array]) -> Array:
                 draw, key = problem
-                answer = searched_stops(self.graph, problem_of(library, draw), key, self.config.search_iterations)
+                answer = searched_stops(self.prepared, problem_of(library, draw), key, self.config.search_iterations)
                 return answer.astype(jnp.int32)
 
             return jax.lax.map(search, (draws, keys))
@@ -208,8 +208,8 @@ class StopLearning:
         keys = jax.random.split(jax.random.key(config.evaluation_seed), config.evaluation_problems)
         draws = jax.vmap(lambda key: draw_problem(key, library, config.objects, config.objects))(keys)
         problems = problem_of(library, self.devices.split(draws))
-        visited = play(self.policy, params, self.graph, problems, choose_best)
-        return jnp.mean(plans_of(self.graph, problems, visited).cost)
+        visited = play(self.policy, params, self.prepared, problems, choose_best)
+        return jnp.mean(plans_of(self.prepared, problems, visited).cost)
 
 
 def draw_many(key: Array, library: Library, problems: int, slots: int) -> Draw:
@@ -220,7 +220,7 @@ def draw_many(key: Array, library: Library, problems: int, slots: int) -> Draw:
     return jax.vmap(lambda key, count: draw_problem(key, library, count, slots))(keys, counts)
 
 
-def searched_stops(graph: StopGraph, problem: StopScene, key: Array, iterations: int) -> Int[Array, " M"]:
+def searched_stops(prepared: PreparedWorld, problem: StopScene, key: Array, iterations: int) -> Int[Array, " M"]:
     """The stops of a very good plan, in order, then -1.
 
     Args:
@@ -231,7 +231,7 @@ def searched_stops(graph: StopGraph, problem: StopScene, key: Array, iterations:
     """
     slots = len(problem.mask)
     pick_time = jnp.where(problem.mask, problem.pick_time, jnp.inf)
-    found = search_stops(pick_time, problem.first_drive, graph.drive, key, iterations=iterations)
+    found = search_stops(pick_time, problem.first_drive, prepared.drive, key, iterations=iterations)
     return jnp.pad(found.stops, (0, max(0, slots - MAX_STOPS)), constant_values=END)[:slots]
 
 

@@ -15,9 +15,9 @@ from jaxtyping import Float, Int
 from basenet_jax import struct
 from basenet_jax.config import WorldConfig
 from basenet_jax.planners.candidates import check_candidates
-from basenet_jax.policies.stop_policy import StopGraph, StopScene, access_time
+from basenet_jax.policies.stop_policy import StopScene, access_time
 from basenet_jax.robot.model import Robot
-from basenet_jax.task.navigation import navigation_time
+from basenet_jax.task.prepared_world import PreparedWorld
 from basenet_jax.world.boxes import Room
 from basenet_jax.world.generate import draw_scene, footprint_radius
 from basenet_jax.world.scene import BY_SLOT, Scene
@@ -41,7 +41,7 @@ class Library:
 def make_library(
     robot: Robot,
     room: Room,
-    graph: StopGraph,
+    prepared: PreparedWorld,
     half_turn: Int[np.ndarray, " K"],
     key: Array,
     count: int,
@@ -68,14 +68,14 @@ def make_library(
         robot_start=scenes.robot_start[0],
         room=room,
     )
-    picks = check_candidates(robot, objects, graph.poses, world=world).pick_time
-    first = navigation_time(robot, scenes.robot_start[:, None], graph.poses, room, world.navigation)
+    picks = check_candidates(robot, objects, prepared.poses, world=world).pick_time
+    first = prepared.first_drives(robot, scenes.robot_start)
     library = Library(
         grasps=objects.grasps,
         position=objects.object_pose[:, :2],
         radius=footprint_radius(objects.object_size, world.scene),
         pick_time=picks.T,
-        access=access_time(graph.drive, picks).T,
+        access=access_time(prepared.drive, picks).T,
         starts=scenes.robot_start,
         first_drive=first,
     )

@@ -25,12 +25,13 @@ from basenet_jax.planners.candidates import Candidates, check_candidates, estima
 from basenet_jax.planners.optimistic import TOLERANCE_S, settle, stop_scenes
 from basenet_jax.planners.options import SampleOptions, StopsOptions
 from basenet_jax.planners.protocol import PlannerSetup, in_parts, no_plan
-from basenet_jax.policies.stop_policy import StopGraph, StopPolicy, StopScene, stop_graph
+from basenet_jax.policies.stop_policy import StopPolicy, StopScene
 from basenet_jax.policies.stop_rollout import StopPlan, cheapest, choose_best, plans_of, play, sample
 from basenet_jax.policies.trained import load_stops
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.picking import Reason
 from basenet_jax.task.plan import Outcome, Plan, compiled_execute
+from basenet_jax.task.prepared_world import PreparedWorld, prepare_world
 from basenet_jax.world.boxes import Room
 from basenet_jax.world.scene import Scene
 
@@ -74,12 +75,12 @@ class BaSeNet:
         samples = options.samples if isinstance(options, SampleOptions) else 0
         self._program = _Program(policy or StopPolicy(), samples, setup.world)
         stops = jax.device_put(aligned_poses(setup.robot, setup.room, options.aligned, setup.world.pick))
-        self._graph = self._graph_of(stops)
+        self._prepared = self._prepare(stops)
 
     @property
     def stops(self) -> Float[Array, "K 3"]:
         """The aligned stops, (x, y, heading) in W."""
-        return self._graph.poses
+        return self._prepared.poses
 
     def __call__(self, scene: Scene, key: Array) -> Plan:
         """See `Planner`; the key is ignored by a single greedy rollout.
@@ -87,25 +88,26 @@ class BaSeNet:
         What `settle` does for a batch in one program is done here by small ones, which compile side by side and are
         shared with whoever judges plans.
         """
-        times = _estimate(self._made_for.robot, self._graph.poses, scene, config=self._program.world.pick)
+        times = _estimate(self._made_for.robot, self._prepared.poses, scene, config=self._program.world.pick)
         proposal = self._settle(scene, times, _play_greedily)
         if self._program.samples and bool(proposal.complete):
-            visited = _sample(self._made_for, self._graph, scene, proposal.pick_time, key, program=self._program)
+            visited = _sample(self._made_for, self._prepared, scene, proposal.pick_time, key, program=self._program)
             proposal = self._settle(scene, proposal.pick_time, _take_cheapest, visited)
         return proposal.plan if bool(proposal.complete) else self._plan_everywhere(scene, key)
 
     def preparations(self, scene: Scene) -> Sequence[Callable[[], object]]:
         """What makes the programs for scenes of this shape ready, to be run by `compilation.together`."""
-        program, made_for, graph = self._program, self._made_for, self._graph
-        times = np.zeros((len(graph.poses), len(scene.mask)), np.float32)
+        program, made_for, prepared = self._program, self._made_for, self._prepared
+        times = np.zeros((len(prepared.poses), len(scene.mask)), np.float32)
+        judged = (made_for.robot, scene, no_plan(scene), self._setup.docked)
         tasks = [
-            partial(compiled_execute.prepare, made_for.robot, scene, no_plan(scene), config=program.world),
-            partial(_play_greedily.prepare, made_for, graph, scene, times, _nothing_known(times), program=program),
-            partial(_estimate.prepare, made_for.robot, graph.poses, scene, config=program.world.pick),
+            partial(compiled_execute.prepare, *judged, config=program.world),
+            partial(_play_greedily.prepare, made_for, prepared, scene, times, _nothing_known(times), program=program),
+            partial(_estimate.prepare, made_for.robot, prepared.poses, scene, config=program.world.pick),
         ]
         if program.samples:
             visited = np.zeros((program.samples + 1, len(scene.mask)), np.int32)
-            shown = (made_for, graph, scene, times)
+            shown = (made_for, prepared, scene, times)
             tasks += [
                 partial(_sample.prepare, *shown, jax.random.key(0), program=program),
                 partial(_take_cheapest.prepare, *shown, _nothing_known(times), visited, program=program),
@@ -116,8 +118,10 @@ class BaSeNet:
         """A proposal whose picks take what they were thought to, says the judge; or that doesn't serve everything."""
         known = _nothing_known(times)
         while True:
-            proposal = choose(self._made_for, self._graph, scene, times, known, *shown, program=self._program)
-            outcome = compiled_execute(self._made_for.robot, scene, proposal.plan, config=self._program.world)
+            proposal = choose(self._made_for, self._prepared, scene, times, known, *shown, program=self._program)
+            outcome = compiled_execute(
+                self._made_for.robot, scene, proposal.plan, self._setup.docked, config=self._program.world
+            )
             complete, known, holds = jax.device_get(_compare(proposal, outcome))
             if holds or not complete:
                 return proposal
@@ -128,7 +132,7 @@ class BaSeNet:
         keys = jax.random.split(key, len(scenes.mask))
 
         def plan_part(scenes: Scene, keys: Array) -> tuple[Plan, Array]:
-            return _plan_apart(self._devices, self._program, self._made_for, scenes, self._graph, keys)
+            return _plan_apart(self._devices, self._program, self._made_for, scenes, self._prepared, keys)
 
         plan, complete = in_parts(plan_part, scenes, keys, devices=self._devices, most=_BATCH)
         for index in np.flatnonzero(~np.asarray(complete)).tolist():
@@ -145,14 +149,14 @@ class BaSeNet:
         setup = self._setup
         aligned, grid = (
             check_candidates(setup.robot, scene, poses, world=setup.world, pairs_at_once=_PAIRS)
-            for poses in (self._graph.poses, setup.grid_poses)
+            for poses in (self._prepared.poses, setup.grid_poses)
         )
         both, missed = join(aligned, grid), ~jnp.any(aligned.serves, axis=0)
         if bool(jnp.any(grid.serves & missed)):
-            candidates, graph = both, self._graph_of(both.base_pose)
+            candidates, prepared = both, self._prepare(both.base_pose)
         else:
-            candidates, graph = dataclasses.replace(aligned, reason=both.reason), self._graph
-        shown = (self._made_for, graph, scene, candidates.pick_time)
+            candidates, prepared = dataclasses.replace(aligned, reason=both.reason), self._prepared
+        shown = (self._made_for, prepared, scene, candidates.pick_time)
         nothing = _nothing_known(candidates.pick_time)
         if self._program.samples:
             visited = _sample(*shown, key, program=self._program)
@@ -161,9 +165,9 @@ class BaSeNet:
             proposal = _play_greedily(*shown, nothing, program=self._program)
         return _with_reasons(proposal.plan, candidates)
 
-    def _graph_of(self, poses: Float[Array, "K 3"]) -> StopGraph:
+    def _prepare(self, poses: Float[Array, "K 3"]) -> PreparedWorld:
         setup = self._setup
-        return _stop_graph(setup.robot, setup.room, poses, config=setup.world.navigation)
+        return prepare_world(setup.robot, setup.drives, poses)
 
 
 class _MadeFor(NamedTuple):
@@ -201,9 +205,6 @@ class _Program:
     world: WorldConfig
 
 
-_stop_graph = Stored(stop_graph, static=("config",))
-
-
 @partial(Stored, static=("config",))
 def _estimate(robot: Robot, poses: Float[Array, "K 3"], scene: Scene, *, config: PickConfig) -> Float[Array, "K M"]:
     return estimate_times(robot, poses, scene.grasps, scene.mask, config, pairs_at_once=_PAIRS)
@@ -211,27 +212,27 @@ def _estimate(robot: Robot, poses: Float[Array, "K 3"], scene: Scene, *, config:
 
 @partial(Stored, static=("program",))
 def _play_greedily(
-    made_for: _MadeFor, graph: StopGraph, scene: Scene, times: Array, known: _Known, *, program: _Program
+    made_for: _MadeFor, prepared: PreparedWorld, scene: Scene, times: Array, known: _Known, *, program: _Program
 ) -> _Proposal:
-    times, own = _stop_scene(made_for, graph, scene, times, known, program)
-    visited = play(program.policy, made_for.params, graph, own, choose_best)
-    return _propose(graph, scene, times, plans_of(graph, own, visited))
+    times, own = _stop_scene(made_for, prepared, scene, times, known)
+    visited = play(program.policy, made_for.params, prepared, own, choose_best)
+    return _propose(prepared, scene, times, plans_of(prepared, own, visited))
 
 
 @partial(Stored, static=("program",))
 def _sample(
-    made_for: _MadeFor, graph: StopGraph, scene: Scene, times: Array, key: Array, *, program: _Program
+    made_for: _MadeFor, prepared: PreparedWorld, scene: Scene, times: Array, key: Array, *, program: _Program
 ) -> Int[Array, "S M"]:
     """The stops of the greedy rollout and of sampled ones, on these pick times."""
-    _, own = _stop_scene(made_for, graph, scene, times, _nothing_known(times), program)
+    _, own = _stop_scene(made_for, prepared, scene, times, _nothing_known(times))
     one = jax.tree.map(lambda x: x[0], own)
-    return sample(program.policy, made_for.params, graph, one, key, program.samples)
+    return sample(program.policy, made_for.params, prepared, one, key, program.samples)
 
 
 @partial(Stored, static=("program",))
 def _take_cheapest(
     made_for: _MadeFor,
-    graph: StopGraph,
+    prepared: PreparedWorld,
     scene: Scene,
     times: Array,
     known: _Known,
@@ -239,8 +240,8 @@ def _take_cheapest(
     *,
     program: _Program,
 ) -> _Proposal:
-    times, own = _stop_scene(made_for, graph, scene, times, known, program)
-    return _propose(graph, scene, times, jax.vmap(cheapest, in_axes=(None, 0, None))(graph, own, visited))
+    times, own = _stop_scene(made_for, prepared, scene, times, known)
+    return _propose(prepared, scene, times, jax.vmap(cheapest, in_axes=(None, 0, None))(prepared, own, visited))
 
 
 @jax.jit
@@ -253,19 +254,19 @@ def _compare(proposal: _Proposal, outcome: Outcome) -> tuple[Bool[Array, ""], _K
 
 
 def _stop_scene(
-    made_for: _MadeFor, graph: StopGraph, scene: Scene, times: Array, known: _Known, program: _Program
+    made_for: _MadeFor, prepared: PreparedWorld, scene: Scene, times: Array, known: _Known
 ) -> tuple[Float[Array, "K M"], StopScene]:
     """The pick times with those that are known, and the scene on the graph by them, as a batch of one."""
     times = jnp.asarray(times).at[known.stop, known.slot].set(jnp.asarray(known.time), mode="drop")
     one = jax.tree.map(lambda x: x[None], scene)
-    return times, stop_scenes(made_for.robot, made_for.room, graph, one, times[None], program.world)
+    return times, stop_scenes(made_for.robot, prepared, one, times[None])
 
 
-def _propose(graph: StopGraph, scene: Scene, times: Float[Array, "K M"], stops: StopPlan) -> _Proposal:
+def _propose(prepared: PreparedWorld, scene: Scene, times: Float[Array, "K M"], stops: StopPlan) -> _Proposal:
     """The proposal of a batch of one."""
     own = jax.tree.map(lambda x: x[0], stops)
     unserved = jnp.full(scene.mask.shape, int(Reason.UNREACHABLE))
-    plan, stop = _as_plan(scene, own, graph, unserved)
+    plan, stop = _as_plan(scene, own, prepared, unserved)
     thought = times[stop, jnp.maximum(plan.object_index, 0)]
     return _Proposal(plan, jnp.all((own.picked_at >= 0) | ~scene.mask), stop, thought, times)
 
@@ -277,45 +278,45 @@ def _nothing_known(times: ArrayLike) -> _Known:
 
 @jax.jit(static_argnames="program")
 def _plan_many(
-    program: _Program, made_for: _MadeFor, scenes: Scene, graph: StopGraph, keys: Array
+    program: _Program, made_for: _MadeFor, scenes: Scene, prepared: PreparedWorld, keys: Array
 ) -> tuple[Plan, Bool[Array, " B"]]:
     """Plans by estimated pick times, and whether each serves every object."""
     robot, room, params = made_for
     at_once = min(len(scenes.mask), _PAIRS_AT_ONCE // _PAIRS) * _PAIRS
-    times = estimate_times(robot, graph.poses, scenes.grasps, scenes.mask, program.world.pick, pairs_at_once=at_once)
+    times = estimate_times(robot, prepared.poses, scenes.grasps, scenes.mask, program.world.pick, pairs_at_once=at_once)
 
     def play_greedily(own: StopScene) -> StopPlan:
-        return plans_of(graph, own, play(program.policy, params, graph, own, choose_best))
+        return plans_of(prepared, own, play(program.policy, params, prepared, own, choose_best))
 
-    greedy = settle(robot, room, graph, scenes, times, play_greedily, program.world, at_once=_SCENES_AT_ONCE)
+    greedy = settle(robot, room, prepared, scenes, times, play_greedily, program.world, at_once=_SCENES_AT_ONCE)
 
     def sample_one(own: tuple[Scene, Array, Array]) -> StopPlan:
         """On the times that the greedy plan left, so that the best of all is no worse than it."""
         scene, times, key = own
         batch = jax.tree.map(lambda x: x[None], scene)
-        problem = stop_scenes(robot, room, graph, batch, times[None], program.world)
+        problem = stop_scenes(robot, prepared, batch, times[None])
         one = jax.tree.map(lambda x: x[0], problem)
-        visited = sample(program.policy, params, graph, one, key, program.samples)
+        visited = sample(program.policy, params, prepared, one, key, program.samples)
 
         def take_cheapest(own: StopScene) -> StopPlan:
-            return jax.vmap(cheapest, in_axes=(None, 0, None))(graph, own, visited)
+            return jax.vmap(cheapest, in_axes=(None, 0, None))(prepared, own, visited)
 
-        settled = settle(robot, room, graph, batch, times[None], take_cheapest, program.world, at_once=1)
+        settled = settle(robot, room, prepared, batch, times[None], take_cheapest, program.world, at_once=1)
         return jax.tree.map(lambda x: x[0], settled.plan)
 
     sampled = program.samples > 0
     stops = jax.lax.map(sample_one, (scenes, greedy.pick_time, keys)) if sampled else greedy.plan
     unserved = jnp.full(scenes.mask.shape, int(Reason.UNREACHABLE))
-    plans, _ = jax.vmap(_as_plan, in_axes=(0, 0, None, 0))(scenes, stops, graph, unserved)
+    plans, _ = jax.vmap(_as_plan, in_axes=(0, 0, None, 0))(scenes, stops, prepared, unserved)
     return plans, jnp.all((stops.picked_at >= 0) | ~scenes.mask, axis=-1)
 
 
 @jax.jit(static_argnames=("devices", "program"))
 def _plan_apart(
-    devices: Devices, program: _Program, made_for: _MadeFor, scenes: Scene, graph: StopGraph, keys: Array
+    devices: Devices, program: _Program, made_for: _MadeFor, scenes: Scene, prepared: PreparedWorld, keys: Array
 ) -> tuple[Plan, Bool[Array, " B"]]:
     plan = devices.apart(partial(_plan_many, program), in_axes=(None, 0, None, 0))
-    return plan(made_for, scenes, graph, keys)
+    return plan(made_for, scenes, prepared, keys)
 
 
 @jax.jit
@@ -327,7 +328,7 @@ def _with_reasons(plan: Plan, candidates: Candidates) -> Plan:
     return dataclasses.replace(plan, reason=jnp.where(given, int(Reason.NONE), reason))
 
 
-def _as_plan(scene: Scene, stops: StopPlan, graph: StopGraph, reason: Array) -> tuple[Plan, Int[Array, " M"]]:
+def _as_plan(scene: Scene, stops: StopPlan, prepared: PreparedWorld, reason: Array) -> tuple[Plan, Int[Array, " M"]]:
     """One step for each object, by its visit; those not served come last. And each step's stop."""
     last = len(scene.mask)
     visit = jnp.where(stops.picked_at >= 0, stops.picked_at, jnp.where(scene.mask, last, last + 1))
@@ -336,7 +337,7 @@ def _as_plan(scene: Scene, stops: StopPlan, graph: StopGraph, reason: Array) -> 
     stop = jnp.maximum(stops.stops[jnp.minimum(visit[order], last - 1)], 0)
     plan = Plan(
         object_index=jnp.where(scene.mask[order], order, -1),
-        base_pose=jnp.where(served[:, None], graph.poses[stop], 0.0),
+        base_pose=jnp.where(served[:, None], prepared.poses[stop], 0.0),
         served=served,
         reason=jnp.where(served | ~scene.mask[order], int(Reason.NONE), reason[order]),
     )

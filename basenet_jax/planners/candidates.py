@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 from functools import partial
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -38,14 +39,34 @@ class Candidates:
 def grid_poses(
     robot: Robot, room: Room, grid: GridConfig = GridConfig(), config: PickConfig = PickConfig()
 ) -> Float[np.ndarray, "K 3"]:
-    """All poses of the planning grid, (x, y, heading in (-pi, pi]) in W, that don't collide with the table (rule 1)."""
-    counts = [math.floor(half / grid.step_m + 1e-9) for half in grid.half_size_m]
-    x, y = (np.arange(-count, count + 1) * grid.step_m for count in counts)
+    """All poses of the planning grid, (x, y, heading in (-pi, pi]) in W, that collide with nothing (rule 1)."""
+    places = _round_one_table(grid) if room.boxes.low.shape[-1] == 1 else _near_surfaces(room, grid)
     turn = np.arange(grid.turns)
     heading = np.where(turn > grid.turns // 2, turn - grid.turns, turn) * (2 * np.pi / grid.turns)
-    poses = np.stack(np.meshgrid(x, y, heading, indexing="ij"), axis=-1).reshape(-1, 3).astype(np.float32)
+    poses = np.column_stack([np.repeat(places, grid.turns, axis=0), np.tile(heading, len(places))]).astype(np.float32)
     collides = compiled_base_collides(robot, poses, room, config.base_clearance_m, config.touching_m)
     return poses[~np.asarray(collides)]
+
+
+def _round_one_table(grid: GridConfig) -> Float[np.ndarray, "P 2"]:
+    counts = [math.floor(half / grid.step_m + 1e-9) for half in grid.half_size_m]
+    sides = (np.arange(-count, count + 1) * grid.step_m for count in counts)
+    return np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+def _near_surfaces(room: Room, grid: GridConfig) -> Float[np.ndarray, "P 2"]:
+    """All places of the grid that are near to a surface of a room."""
+    boxes = jax.tree.map(np.asarray, jax.device_get(room.boxes))
+    pose, half = (x[boxes.bears_objects].astype(float) for x in (boxes.pose, boxes.half_size))
+    reach = np.hypot(*half.T)[:, None] + grid.reach_m
+    low, high = np.min(pose[:, :2] - reach, axis=0), np.max(pose[:, :2] + reach, axis=0)
+    first, last = np.ceil(low / grid.step_m), np.floor(high / grid.step_m)
+    steps = (np.arange(a, b + 1) for a, b in zip(first, last, strict=True))
+    places = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 2) * grid.step_m
+    sine, cosine = np.sin(pose[:, 2]), np.cos(pose[:, 2])
+    x, y = (places[:, None] - pose[:, :2]).transpose(2, 0, 1)
+    beyond = np.stack([np.abs(cosine * x + sine * y), np.abs(cosine * y - sine * x)], axis=-1) - half
+    return places[np.any(np.linalg.norm(np.maximum(beyond, 0.0), axis=-1) <= grid.reach_m, axis=1)]
 
 
 @partial(Stored, static=("world", "pairs_at_once"))

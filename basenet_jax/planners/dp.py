@@ -6,11 +6,12 @@ from functools import partial
 import numpy as np
 from jax import Array
 
-from basenet_jax.config import NavigationConfig
 from basenet_jax.planners.candidates import Candidates, check_candidates
 from basenet_jax.planners.protocol import PlannerSetup, PlanningError, no_plan
+from basenet_jax.planners.reachability import CandidateSource
 from basenet_jax.planners.stop_problem import Sizes, stop_problem
 from basenet_jax.robot.model import Robot
+from basenet_jax.task.drives import Drives
 from basenet_jax.task.plan import Plan, compiled_execute
 from basenet_jax.world.scene import Scene
 
@@ -21,22 +22,22 @@ class Dp:
     """The least-cost plan among all whose base poses are on the grid."""
 
     def __init__(self, setup: PlannerSetup):
-        self._setup, self._sizes = setup, Sizes(MAX_OBJECTS)
+        self._setup, self._candidates = setup, CandidateSource(setup, checked=True)
+        self._sizes = Sizes(MAX_OBJECTS)
 
     def __call__(self, scene: Scene, key: Array) -> Plan:
         """See `Planner`; the key is ignored."""
         del key
         setup = self._setup
         check_size(int(np.sum(scene.mask)))
-        candidates = check_candidates(setup.robot, scene, setup.grid_poses, world=setup.world)
-        return plan_exactly(setup.robot, scene, candidates, setup.world.navigation, self._sizes)
+        return plan_exactly(setup.robot, setup.drives, scene, self._candidates(scene), self._sizes)
 
     def preparations(self, scene: Scene) -> Sequence[Callable[[], object]]:
         """See `PreparedPlanner`."""
         robot, world = self._setup.robot, self._setup.world
         return [
-            partial(check_candidates.prepare, robot, scene, self._setup.grid_poses, world=world),
-            partial(compiled_execute.prepare, robot, scene, no_plan(scene), config=world),
+            partial(check_candidates.prepare, robot, scene, self._candidates.poses, world=world),
+            partial(compiled_execute.prepare, robot, scene, no_plan(scene), self._setup.docked, config=world),
         ]
 
 
@@ -54,22 +55,18 @@ def check_size(objects: int) -> None:
 
 
 def plan_exactly(
-    robot: Robot,
-    scene: Scene,
-    candidates: Candidates,
-    config: NavigationConfig = NavigationConfig(),
-    sizes: Sizes | None = None,
+    robot: Robot, drives: Drives, scene: Scene, candidates: Candidates, sizes: Sizes | None = None
 ) -> Plan:
     """The plan of least N + G over all orders and all choices among the candidates; unserved objects come last.
 
     Args:
         robot: its base's speeds and accelerations count.
+        drives: of the scene's room.
         scene: unbatched.
         candidates: base poses with validated costs.
-        config: of the drives.
         sizes: of the problems before, see `stop_problem`.
     """
-    problem = stop_problem(robot, scene, candidates, config, sizes)
+    problem = stop_problem(robot, drives, scene, candidates, sizes)
     if not len(problem.slots):
         return problem.plan_nothing(scene)
     return problem.plan(scene, *problem.best_steps())

@@ -8,13 +8,12 @@ import numpy as np
 from jax import Array
 from jaxtyping import Bool, Float
 
-from basenet_jax.config import NavigationConfig
 from basenet_jax.planners.candidates import Candidates
 from basenet_jax.planners.options import GreedyStopsOptions
 from basenet_jax.planners.protocol import PlannerSetup, assemble_plan
 from basenet_jax.planners.reachability import CandidateSource, unserved_reason
 from basenet_jax.robot.model import Robot
-from basenet_jax.task.navigation import navigation_time
+from basenet_jax.task.drives import Drives
 from basenet_jax.task.plan import Plan
 from basenet_jax.world.scene import Scene
 
@@ -23,7 +22,7 @@ class GreedyStops:
     """On validated candidates: next the stop of least navigation + excess pick time - worth of the objects served."""
 
     def __init__(self, setup: PlannerSetup, options: GreedyStopsOptions = GreedyStopsOptions()):
-        self._robot, self._navigation = setup.robot, setup.world.navigation
+        self._robot, self._drives = setup.robot, setup.drives
         self._candidates = CandidateSource(setup, checked=True)
         self._worth = options.seconds_per_object
 
@@ -34,7 +33,7 @@ class GreedyStops:
         reason = np.asarray(unserved_reason(candidates))
         if not len(candidates.base_pose):
             return assemble_plan(scene, np.zeros(0, int), np.zeros((0, 3), np.float32), reason)
-        stops = greedy_stops(self._robot, scene, candidates, self._worth, self._navigation)
+        stops = greedy_stops(self._robot, scene, candidates, self._worth, self._drives)
         pose, serves = jax.device_get((stops.base_pose, stops.serves))
         stop, slot = np.nonzero(serves)
         return assemble_plan(scene, slot, pose[stop], reason)
@@ -47,9 +46,9 @@ class Stops(NamedTuple):
     serves: Bool[Array, "M M"]  # [stop, slot]: what is picked there; nothing at padding
 
 
-@jax.jit(static_argnames="config")
+@jax.jit
 def greedy_stops(
-    robot: Robot, scene: Scene, candidates: Candidates, worth: Float[Array, ""] | float, config: NavigationConfig
+    robot: Robot, scene: Scene, candidates: Candidates, worth: Float[Array, ""] | float, drives: Drives
 ) -> Stops:
     """The greedy rule.
 
@@ -58,14 +57,15 @@ def greedy_stops(
         scene: unbatched.
         candidates: at least one, with validated pick times.
         worth: of one object served (s).
-        config: of navigation.
+        drives: of the room.
     """
     excess = candidates.pick_time - jnp.min(candidates.pick_time, axis=0)
     gain = jnp.where(candidates.serves, worth - excess, 0.0)
+    ends = drives.ends(robot, candidates.base_pose)
 
     def stop(state: tuple[Array, Array], _: None) -> tuple[tuple[Array, Array], Stops]:
         pose, remaining = state
-        drive = navigation_time(robot, pose, candidates.base_pose, scene.room, config)
+        drive = drives.times(robot, drives.ends(robot, pose[None]), ends)[0]
         useful = jnp.any(candidates.serves & remaining, axis=1)
         cost = jnp.where(useful, drive - gain @ remaining.astype(gain.dtype), jnp.inf)
         best = jnp.argmin(cost)

@@ -1,6 +1,5 @@
 """MBP, the paper's minimum-base-poses planner: fewest stops that serve all objects, then the nearest stop next."""
 
-from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -9,13 +8,12 @@ import numpy as np
 from jax import Array
 from jaxtyping import Bool, Float, Int
 
-from basenet_jax.config import NavigationConfig
 from basenet_jax.planners.candidates import Candidates
 from basenet_jax.planners.cover_minimum import minimum_cover
 from basenet_jax.planners.protocol import PlannerSetup, assemble_plan
 from basenet_jax.planners.reachability import CandidateSource, unserved_reason
 from basenet_jax.robot.model import Robot
-from basenet_jax.task.navigation import navigation_time
+from basenet_jax.task.drives import Drives
 from basenet_jax.task.plan import Plan
 from basenet_jax.world.scene import Scene
 
@@ -27,26 +25,26 @@ class Mbp:
     """
 
     def __init__(self, setup: PlannerSetup, *, checked: bool):
-        self._robot, self._navigation = setup.robot, setup.world.navigation
+        self._robot, self._drives = setup.robot, setup.drives
         self._candidates = CandidateSource(setup, checked=checked)
 
     def __call__(self, scene: Scene, key: Array) -> Plan:
         """See `Planner`; the key is ignored."""
         del key
         candidates = self._candidates(scene)
-        coverage = np.asarray(_coverage(self._robot, scene, candidates, self._navigation))
+        coverage = np.asarray(_coverage(self._robot, scene, candidates, self._drives))
         stop_of_pose = minimum_cover(coverage)
         if np.all(stop_of_pose < 0):
             return assemble_plan(scene, np.zeros(0, int), np.zeros((0, 3)), np.asarray(unserved_reason(candidates)))
-        visits = nearest_stops(self._robot, scene, candidates, stop_of_pose, self._navigation)
+        visits = nearest_stops(self._robot, scene, candidates, stop_of_pose, self._drives)
         visited, grasps, candidates = jax.device_get((visits, _grasps(scene), candidates))
         order, pose = picks_at_stops(visited[visited >= 0], candidates, grasps)
         return assemble_plan(scene, order, candidates.base_pose[pose], np.asarray(unserved_reason(candidates)))
 
 
-@partial(jax.jit, static_argnames="config")
+@jax.jit
 def nearest_stops(
-    robot: Robot, scene: Scene, candidates: Candidates, stop_of_pose: Int[Array, " K"], config: NavigationConfig
+    robot: Robot, scene: Scene, candidates: Candidates, stop_of_pose: Int[Array, " K"], drives: Drives
 ) -> Int[Array, " M"]:
     """Visits the chosen stops, always the one of least navigation time next.
 
@@ -55,15 +53,16 @@ def nearest_stops(
         scene: unbatched.
         candidates: at least one.
         stop_of_pose: which stop each candidate makes, -1 for none: the nearest of those that make the same is taken.
-        config: of navigation.
+        drives: of the room.
 
     Returns:
         The visited candidates in order, padded with -1. A stop that can't be driven to is left out.
     """
+    ends = drives.ends(robot, candidates.base_pose)
     slots = len(scene.mask)  # a minimum cover has no more sets than objects
 
     def visit(tour: _Tour) -> _Tour:
-        drive = navigation_time(robot, tour.pose, candidates.base_pose, scene.room, config)
+        drive = drives.times(robot, drives.ends(robot, tour.pose[None]), ends)[0]
         drive = jnp.where((stop_of_pose >= 0) & tour.remaining[stop_of_pose], drive, jnp.inf)
         best = jnp.argmin(drive)
         found = jnp.isfinite(drive[best])
@@ -109,10 +108,11 @@ def picks_at_stops(
     return np.array(order, int), np.array(poses, int)
 
 
-@partial(jax.jit, static_argnames="config")
-def _coverage(robot: Robot, scene: Scene, candidates: Candidates, config: NavigationConfig) -> Bool[Array, "K M"]:
+@jax.jit
+def _coverage(robot: Robot, scene: Scene, candidates: Candidates, drives: Drives) -> Bool[Array, "K M"]:
     """What can be picked from the candidates that can be driven to from the start."""
-    drive = navigation_time(robot, scene.robot_start, candidates.base_pose, scene.room, config)
+    start, goals = drives.ends(robot, scene.robot_start[None]), drives.ends(robot, candidates.base_pose)
+    drive = drives.times(robot, start, goals)[0]
     return candidates.serves & jnp.isfinite(drive)[:, None]
 
 

@@ -16,11 +16,11 @@ from jaxtyping import Bool, Float
 
 from basenet_jax import rounds
 from basenet_jax.config import WorldConfig
-from basenet_jax.policies.stop_policy import StopGraph, StopScene, make_scene
+from basenet_jax.policies.stop_policy import StopScene, make_scene
 from basenet_jax.policies.stop_rollout import StopPlan
 from basenet_jax.robot.model import Robot
-from basenet_jax.task.navigation import navigation_time
 from basenet_jax.task.picking import pick
+from basenet_jax.task.prepared_world import PreparedWorld
 from basenet_jax.world.boxes import Room
 from basenet_jax.world.scene import Scene
 
@@ -40,7 +40,7 @@ class Settled(NamedTuple):
 def settle(
     robot: Robot,
     room: Room,
-    graph: StopGraph,
+    prepared: PreparedWorld,
     scenes: Scene,
     pick_time: Float[Array, "B K M"],
     choose: Callable[[StopScene], StopPlan],
@@ -64,9 +64,9 @@ def settle(
     at_once = min(at_once, count)
 
     def improve(index: Array, state: Settled) -> Settled:
-        own = stop_scenes(robot, room, graph, rounds.take(scenes, index, axis=0), state.pick_time, world)
+        own = stop_scenes(robot, prepared, rounds.take(scenes, index, axis=0), state.pick_time)
         plan = choose(own)
-        checked, holds = _check(robot, room, graph, own, plan, world)
+        checked, holds = _check(robot, room, prepared, own, plan, world)
         return Settled(checked, plan, holds)
 
     slots = jnp.full(scenes.mask.shape, -1, jnp.int32)
@@ -75,23 +75,21 @@ def settle(
     return rounds.until_settled(lambda state: ~state.holds, improve, start, at_once, axis=0)
 
 
-def stop_scenes(
-    robot: Robot, room: Room, graph: StopGraph, scenes: Scene, pick_time: Float[Array, "B K M"], world: WorldConfig
-) -> StopScene:
+def stop_scenes(robot: Robot, prepared: PreparedWorld, scenes: Scene, pick_time: Float[Array, "B K M"]) -> StopScene:
     """A batch of scenes on the graph, by these pick times (s)."""
-    first_drive = navigation_time(robot, scenes.robot_start[:, None], graph.poses, room, world.navigation)
-    return _make_scenes(graph, pick_time, first_drive, scenes.robot_start, scenes.grasps, scenes.mask)
+    first_drive = prepared.first_drives(robot, scenes.robot_start)
+    return _make_scenes(prepared, pick_time, first_drive, scenes.robot_start, scenes.grasps, scenes.mask)
 
 
 def _check(
-    robot: Robot, room: Room, graph: StopGraph, own: StopScene, plan: StopPlan, world: WorldConfig
+    robot: Robot, room: Room, prepared: PreparedWorld, own: StopScene, plan: StopPlan, world: WorldConfig
 ) -> tuple[Float[Array, "B K M"], Bool[Array, " B"]]:
     """The pick times with those that the plans use made exact, and whether all of these were right."""
     used = plan.picked_at >= 0
     stop = jnp.take_along_axis(plan.stops, jnp.maximum(plan.picked_at, 0), axis=-1)
     scene, slot = jnp.indices(stop.shape)
     thought = own.pick_time[scene, stop, slot]
-    picks = pick(robot, graph.poses[stop], own.grasps, room, world.pick)
+    picks = pick(robot, prepared.poses[stop], own.grasps, room, world.pick)
     exact = jnp.where(picks.feasible, picks.time, jnp.inf)
     right = ~used | (jnp.abs(exact - thought) <= TOLERANCE_S)
     corrected = own.pick_time.at[scene, stop, slot].set(jnp.where(used, exact, thought))

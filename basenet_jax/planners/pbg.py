@@ -1,6 +1,5 @@
 """PBG, the paper's proximity-based greedy planner: the nearest object next, from the nearest base pose."""
 
-from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -9,12 +8,11 @@ import numpy as np
 from jax import Array
 from jaxtyping import Bool, Float, Int
 
-from basenet_jax.config import NavigationConfig
 from basenet_jax.planners.candidates import Candidates
 from basenet_jax.planners.protocol import PlannerSetup, assemble_plan
 from basenet_jax.planners.reachability import CandidateSource, unserved_reason
 from basenet_jax.robot.model import Robot
-from basenet_jax.task.navigation import navigation_time
+from basenet_jax.task.drives import Drives
 from basenet_jax.task.plan import Plan
 from basenet_jax.world.scene import Scene
 
@@ -26,7 +24,7 @@ class Pbg:
     """
 
     def __init__(self, setup: PlannerSetup, *, checked: bool):
-        self._robot, self._navigation = setup.robot, setup.world.navigation
+        self._robot, self._drives = setup.robot, setup.drives
         self._candidates = CandidateSource(setup, checked=checked)
 
     def __call__(self, scene: Scene, key: Array) -> Plan:
@@ -35,7 +33,7 @@ class Pbg:
         candidates = self._candidates(scene)
         if not len(candidates.base_pose):
             return assemble_plan(scene, np.zeros(0, int), np.zeros((0, 3)), np.asarray(candidates.reason))
-        steps, reason = jax.device_get(nearest_first(self._robot, scene, candidates, self._navigation))
+        steps, reason = jax.device_get(nearest_first(self._robot, scene, candidates, self._drives))
         return assemble_plan(scene, steps.slot[steps.found], steps.base_pose[steps.found], reason)
 
 
@@ -47,28 +45,27 @@ class Steps(NamedTuple):
     found: Bool[Array, " M"]  # whether there was an object, and a pose to pick it from
 
 
-@partial(jax.jit, static_argnames="config")
-def nearest_first(
-    robot: Robot, scene: Scene, candidates: Candidates, config: NavigationConfig
-) -> tuple[Steps, Int[Array, " M"]]:
+@jax.jit
+def nearest_first(robot: Robot, scene: Scene, candidates: Candidates, drives: Drives) -> tuple[Steps, Int[Array, " M"]]:
     """The greedy rule, step by step; an object without a candidate that can be driven to is passed over.
 
     Args:
         robot: the robot.
         scene: unbatched.
         candidates: at least one.
-        config: of navigation.
+        drives: of the room.
 
     Returns:
         The steps, and for each slot the reason it has if no step found it.
     """
     grasp, serves = scene.grasps[:, :2], candidates.serves.T
+    ends = drives.ends(robot, candidates.base_pose)
 
     def step(state: tuple[Array, Array], _: None) -> tuple[tuple[Array, Array], Steps]:
         pose, remaining = state
         distance = jnp.linalg.norm(grasp - pose[:2], axis=-1)
         slot = jnp.argmin(jnp.where(remaining, distance, jnp.inf))
-        drive = navigation_time(robot, pose, candidates.base_pose, scene.room, config)
+        drive = drives.times(robot, drives.ends(robot, pose[None]), ends)[0]
         drive = jnp.where(serves[slot] & remaining[slot], drive, jnp.inf)
         best = jnp.argmin(drive)
         found = jnp.isfinite(drive[best])

@@ -14,9 +14,11 @@ from jaxtyping import Bool, Float, Int
 
 from basenet_jax.config import GridConfig, WorldConfig
 from basenet_jax.devices import Devices
+from basenet_jax.planners.aligned_stops import aligned_poses
 from basenet_jax.planners.candidates import grid_poses
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.reading import load_robot
+from basenet_jax.task.drives import DockedDrives, Drives, make_drives
 from basenet_jax.task.plan import Plan
 from basenet_jax.world.boxes import Room
 from basenet_jax.world.scene import Scene
@@ -129,6 +131,26 @@ class PlannerSetup:
     def grid_poses(self) -> Float[np.ndarray, "K 3"]:
         """The grid's base poses (x, y, heading in W) that don't collide with the table."""
         return grid_poses(self.robot, self.room, self.grid, self.world.pick)
+
+    @cached_property
+    def drives(self) -> Drives:
+        """How the base gets about in the room."""
+        return make_drives(self.robot, self.room, self.world.navigation)
+
+    @property
+    def docked(self) -> Drives | None:
+        """The drives where the judge must be given them: those of a point are each scene's own."""
+        return self.drives if isinstance(self.drives, DockedDrives) else None
+
+    @cached_property
+    def candidate_poses(self) -> tuple[Float[np.ndarray, "K 3"], ...]:
+        """What the classical planners choose from, and what joins it where that doesn't serve every object.
+
+        In the paper's world the grid; in rooms the stops in line with the surfaces, then the grid round these.
+        """
+        if self.docked is None:
+            return (self.grid_poses,)
+        return aligned_poses(self.robot, self.room, pick=self.world.pick), self.grid_poses
 
     def with_room(self, room: Room) -> "PlannerSetup":
         """The same for another room."""

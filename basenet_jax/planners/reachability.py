@@ -26,7 +26,7 @@ from basenet_jax import rounds, struct
 from basenet_jax.compilation import cache_folder
 from basenet_jax.config import GridConfig, PickConfig
 from basenet_jax.geometry import relative
-from basenet_jax.planners.candidates import Candidates, check_candidates
+from basenet_jax.planners.candidates import Candidates, check_candidates, join
 from basenet_jax.planners.protocol import PlannerSetup
 from basenet_jax.robot.ik import damped_least_squares, residual
 from basenet_jax.robot.kinematics import components, reach_sphere
@@ -332,25 +332,38 @@ class CandidateSource:
     """Where PBG and MBP have their candidates from: the map, or for the -GC variants the full check of every pair."""
 
     def __init__(self, setup: PlannerSetup, *, checked: bool):
-        """Of all grid poses clear of the table.
+        """Of the setup's candidate poses.
 
         Args:
             setup: of the planner.
             checked: whether all pairs of pose and object are checked and timed, or looked up in the map.
         """
         self._robot, self._world = setup.robot, setup.world
-        self._base_pose = jax.device_put(setup.grid_poses)
+        self._poses = jax.device_put(setup.candidate_poses)
         self._maps = None if checked else MapStore(setup.robot, setup.grid, setup.world.pick, map_folder())
 
     def __call__(self, scene: Scene) -> Candidates:
-        """The candidates of an unbatched scene; there are none at all where no grid pose is clear of the table."""
-        if not len(self._base_pose):
+        """The candidates of an unbatched scene; there are none at all where no pose is clear of the boxes."""
+        candidates = self._of(scene, self.poses)
+        for more in self._poses[1:]:
+            if bool(jnp.all(jnp.any(candidates.serves, axis=0) | ~scene.mask)):
+                break
+            candidates = join(candidates, self._of(scene, more))
+        return candidates
+
+    @property
+    def poses(self) -> Float[Array, "K 3"]:
+        """Those that are looked at first."""
+        return self._poses[0]
+
+    def _of(self, scene: Scene, poses: Float[Array, "K 3"]) -> Candidates:
+        if not len(poses):
             nothing = jnp.zeros((0, len(scene.mask)))
             reason = jnp.full(len(scene.mask), Reason.BASE_COLLIDES)
-            return Candidates(self._base_pose, nothing.astype(bool), nothing, reason)
+            return Candidates(poses, nothing.astype(bool), nothing, reason)
         if self._maps is None:
-            return check_candidates(self._robot, scene, self._base_pose, world=self._world)
-        return map_candidates(self._maps.for_scene(scene), scene, self._base_pose)
+            return check_candidates(self._robot, scene, poses, world=self._world)
+        return map_candidates(self._maps.for_scene(scene), scene, poses)
 
 
 def unserved_reason(candidates: Candidates) -> Int[Array, " M"]:

@@ -23,6 +23,7 @@ from basenet_jax.planners.route import Route, as_plan, as_route, reason_by_slot
 from basenet_jax.planners.stop_problem import Sizes, stop_problem
 from basenet_jax.planners.stop_search import plan_steps, search_stops
 from basenet_jax.robot.model import Robot
+from basenet_jax.task.drives import Drives
 from basenet_jax.task.plan import Plan, compiled_execute
 from basenet_jax.world.scene import Scene
 
@@ -67,9 +68,11 @@ class Refined:
         plan = no_plan(scene)
         route: Any = Route(plan.base_pose, plan.object_index)
         return [
-            partial(_refine.prepare, robot, scene, route, key, config=self._refinement, world=world),
+            partial(
+                _refine.prepare, robot, scene, route, key, self._setup.drives, config=self._refinement, world=world
+            ),
             partial(check_candidates.prepare, robot, scene, self._aligned, world=world, pairs_at_once=PAIRS_AT_ONCE),
-            partial(compiled_execute.prepare, robot, scene, plan, config=world),
+            partial(compiled_execute.prepare, robot, scene, plan, self._setup.docked, config=world),
         ]
 
     def improving_plans(self, scene: Scene, key: Array) -> Iterator[Plan]:
@@ -97,7 +100,7 @@ class Refined:
 
     def _propose(self, scene: Scene, pool: Candidates, key: Array) -> Plan:
         """The best plan on a pool of stops, or for many objects a very good one."""
-        problem = stop_problem(self._setup.robot, scene, pool, self._setup.world.navigation, self._sizes)
+        problem = stop_problem(self._setup.robot, self._setup.drives, scene, pool, self._sizes)
         if not len(problem.slots):
             return problem.plan_nothing(scene)
         if len(problem.slots) <= EXACT_OBJECTS:
@@ -120,7 +123,7 @@ class Refined:
         if not np.any(plan.served):
             return plan
         setup, config = self._setup, self._refinement
-        routes = _refine(setup.robot, scene, as_route(plan), key, config=config, world=setup.world)
+        routes = _refine(setup.robot, scene, as_route(plan), key, setup.drives, config=config, world=setup.world)
         moved, given = (as_plan(scene, route, reason_by_slot(plan)) for route in routes)
         before, after = (np.asarray(route.stop_of) for route in routes)
         leaves_idle = len(np.setdiff1d(before, after)) > 0
@@ -128,14 +131,23 @@ class Refined:
 
     def _worth(self, scene: Scene, plan: Plan) -> tuple[int, float]:
         """What a plan is worth to the judge: objects grasped, then time saved."""
-        outcome = jax.device_get(compiled_execute(self._setup.robot, scene, plan, config=self._setup.world))
+        outcome = jax.device_get(
+            compiled_execute(self._setup.robot, scene, plan, self._setup.docked, config=self._setup.world)
+        )
         return int(outcome.grasped), -float(outcome.execution)
 
 
 @partial(Stored, static=("config", "world"))
 def _refine(
-    robot: Robot, scene: Scene, route: Route, key: Array, *, config: RefinementConfig, world: WorldConfig
+    robot: Robot,
+    scene: Scene,
+    route: Route,
+    key: Array,
+    drives: Drives,
+    *,
+    config: RefinementConfig,
+    world: WorldConfig,
 ) -> tuple[Route, Route]:
     """The route with its stops moved, and that one with every object given to its best stop."""
-    route, _ = refine(robot, scene, route, key, config.rounds, config, world)
+    route, _ = refine(robot, scene, route, key, drives, config.rounds, config, world)
     return route, reassign(robot, scene, route, world)

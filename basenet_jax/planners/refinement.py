@@ -17,7 +17,7 @@ from jaxtyping import Float, Int, PRNGKeyArray
 from basenet_jax.config import RefinementConfig, WorldConfig
 from basenet_jax.planners.route import Route
 from basenet_jax.robot.model import Robot
-from basenet_jax.task.navigation import navigation_time
+from basenet_jax.task.drives import Drives
 from basenet_jax.task.picking import pick
 from basenet_jax.trigonometry import sin_cos, wrap_angle
 from basenet_jax.world.scene import Scene
@@ -28,6 +28,7 @@ def refine(
     scene: Scene,
     route: Route,
     key: PRNGKeyArray,
+    drives: Drives,
     rounds: Int[Array, ""] | int,
     config: RefinementConfig = RefinementConfig(),
     world: WorldConfig = WorldConfig(),
@@ -39,6 +40,7 @@ def refine(
         scene: unbatched.
         route: all of its drives and picks feasible.
         key: consumed.
+        drives: of the room.
         rounds: how many; the alternatives are drawn ever closer, from `config.first_scale` to `config.last_scale`.
         config: number and spread of the alternatives.
         world: of drives and picks.
@@ -55,7 +57,7 @@ def refine(
         scale = config.first_scale * (config.last_scale / config.first_scale) ** progress
         options = alternatives(stops, jax.random.fold_in(key, index), scale, config)
         picking = _picking_time(robot, scene, options, route.stop_of, world)
-        first, between = _drives(robot, scene, options, world)
+        first, between = _drive_times(robot, scene, options, drives)
         between = jnp.where(used[1:, None, None], between, 0.0)
         choice, cost = cheapest_path(first, between, picking)
         return index + 1, jnp.take_along_axis(options, choice[:, None, None], axis=1)[:, 0], cost
@@ -110,13 +112,17 @@ def _picking_time(
     return jnp.zeros(options.shape[:2]).at[stop_of].add(jnp.where(stop_of[:, None] >= 0, time, 0.0))
 
 
-def _drives(
-    robot: Robot, scene: Scene, options: Float[Array, "L C 3"], world: WorldConfig
+def _drive_times(
+    robot: Robot, scene: Scene, options: Float[Array, "L C 3"], drives: Drives
 ) -> tuple[Float[Array, " C"], Float[Array, "L-1 C C"]]:
     """Navigation time (s) to the alternatives of the first stop, and between those of successive stops."""
-    first = navigation_time(robot, scene.robot_start, options[0], scene.room, world.navigation)
-    between = navigation_time(robot, options[:-1, :, None], options[1:, None], scene.room, world.navigation)
-    return first, between
+    start = drives.ends(robot, scene.robot_start[None])
+    ends = jax.tree.map(
+        lambda x: x.reshape(*options.shape[:2], *x.shape[1:]), drives.ends(robot, options.reshape(-1, 3))
+    )
+    first = drives.times(robot, start, jax.tree.map(lambda x: x[0], ends))[0]
+    before, after = (jax.tree.map(lambda x, rows=rows: x[rows], ends) for rows in (slice(-1), slice(1, None)))
+    return first, jax.vmap(lambda a, b: drives.times(robot, a, b))(before, after)
 
 
 def cheapest_path(

@@ -4,19 +4,18 @@ from collections import defaultdict
 from typing import NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jaxtyping import Bool, Float, Int
 
-from basenet_jax.config import NavigationConfig
 from basenet_jax.planners.candidates import Candidates
 from basenet_jax.planners.exact_sequence import best_sequence, sets_of
 from basenet_jax.planners.protocol import assemble_plan
 from basenet_jax.robot.model import Robot
-from basenet_jax.task.navigation import navigation_time
+from basenet_jax.task.drives import Drives
 from basenet_jax.task.picking import Reason
 from basenet_jax.task.plan import Plan
-from basenet_jax.world.boxes import Room
 from basenet_jax.world.scene import Scene
 
 _BUCKET = 256  # the number of stops is rounded up to a multiple, so that few shapes are compiled
@@ -87,25 +86,21 @@ class StopProblem(NamedTuple):
 
 
 def stop_problem(
-    robot: Robot,
-    scene: Scene,
-    candidates: Candidates,
-    config: NavigationConfig = NavigationConfig(),
-    sizes: Sizes | None = None,
+    robot: Robot, drives: Drives, scene: Scene, candidates: Candidates, sizes: Sizes | None = None
 ) -> StopProblem:
     """The problem on the useful candidates.
 
     Args:
         robot: its base's speeds and accelerations count.
+        drives: of the scene's room.
         scene: unbatched.
         candidates: base poses with validated costs.
-        config: of the drives.
         sizes: of the problems before; None: a column for each object, and stops in whole buckets.
     """
     pick_time, pose = np.asarray(candidates.pick_time), np.asarray(candidates.base_pose)
-    first = np.asarray(_drives_from(robot, scene.robot_start, candidates.base_pose, scene.room, config))
-    # What only such poses serve can't be had: a drive to them is never allowed, wherever it begins (they lie inside
-    # the table grown by the path margin), so leaving them out loses no plan.
+    first = np.asarray(drives.matrix(robot, scene.robot_start[None], candidates.base_pose))[0]
+    # What only such poses serve can't be had. Round one table a drive to them is never allowed, wherever it begins: they
+    # lie inside the table grown by the path margin. In a room they are shut in.
     reachable = np.isfinite(first)
     served = np.flatnonzero(np.any(np.isfinite(pick_time[reachable]), axis=0))
     reason = np.where(np.any(np.isfinite(pick_time), axis=0), int(Reason.UNREACHABLE), np.asarray(candidates.reason))
@@ -118,19 +113,5 @@ def stop_problem(
     poses = np.pad(pose[useful], ((0, padding), (0, 0)))
     picks = np.pad(pick_time[np.ix_(useful, served)], ((0, padding), (0, empty)), constant_values=np.inf)
     first = np.pad(first[useful], (0, padding), constant_values=np.inf)
-    drive = _drives_between(robot, poses, scene.room, config)
+    drive = jnp.asarray(drives.matrix(robot, poses, poses))
     return StopProblem(jax.device_put(picks), jax.device_put(first), drive, poses, served, reason)
-
-
-@jax.jit(static_argnames="config")
-def _drives_from(
-    robot: Robot, start: Float[Array, "3"], poses: Float[Array, "P 3"], room: Room, config: NavigationConfig
-) -> Float[Array, " P"]:
-    return navigation_time(robot, start, poses, room, config)
-
-
-@jax.jit(static_argnames="config")
-def _drives_between(
-    robot: Robot, poses: Float[Array, "P 3"], room: Room, config: NavigationConfig
-) -> Float[Array, "P P"]:
-    return navigation_time(robot, poses[:, None], poses, room, config)

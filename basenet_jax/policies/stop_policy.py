@@ -14,23 +14,12 @@ from jax import Array
 from jaxtyping import Bool, Float
 
 from basenet_jax import struct
-from basenet_jax.config import NavigationConfig
 from basenet_jax.policies.graph_attention import FirstLayer, Layer, dense
 from basenet_jax.policies.grasp_sequence import object_features, robot_features
-from basenet_jax.robot.model import Robot
-from basenet_jax.task.navigation import navigation_time
-from basenet_jax.world.boxes import Room
+from basenet_jax.task.prepared_world import PreparedWorld
 
 _SECONDS = 0.25  # brings times to the order of one
 _BASES = 5
-
-
-@struct.dataclass
-class StopGraph:
-    """Candidate stops about one table, the same for all scenes."""
-
-    poses: Float[Array, "K 3"]  # (x, y, heading) in W
-    drive: Float[Array, "K K"]  # s, from stop to stop; infinite where there is no way
 
 
 @struct.dataclass
@@ -54,13 +43,6 @@ class StopState(NamedTuple):
     spare: Float[Array, "*batch"]  # stops that may be visited beside one for each object not served
 
 
-def stop_graph(
-    robot: Robot, room: Room, poses: Float[Array, "K 3"], config: NavigationConfig = NavigationConfig()
-) -> StopGraph:
-    """The graph of the given poses (x, y, heading in W)."""
-    return StopGraph(poses, navigation_time(robot, poses[:, None], poses, room, config))
-
-
 def access_time(drive: Float[Array, "K K"], pick_time: Float[Array, "K M"]) -> Float[Array, "K M"]:
     """Least time (s) from each stop to have each object picked, beyond its least pick time: a drive and slower picking.
 
@@ -72,7 +54,7 @@ def access_time(drive: Float[Array, "K K"], pick_time: Float[Array, "K M"]) -> F
 
 
 def make_scene(
-    graph: StopGraph,
+    prepared: PreparedWorld,
     pick_time: Float[Array, "K M"],
     first_drive: Float[Array, " K"],
     robot_start: Float[Array, "3"],
@@ -81,7 +63,7 @@ def make_scene(
 ) -> StopScene:
     """The problem of one scene; objects that no stop serves are left out."""
     mask = mask & jnp.any(jnp.isfinite(pick_time) & jnp.isfinite(first_drive)[:, None], axis=0)
-    return StopScene(pick_time, access_time(graph.drive, pick_time), first_drive, robot_start, grasps, mask)
+    return StopScene(pick_time, access_time(prepared.drive, pick_time), first_drive, robot_start, grasps, mask)
 
 
 class StopPolicy(nn.Module):
@@ -93,7 +75,7 @@ class StopPolicy(nn.Module):
 
     @nn.compact
     def __call__(
-        self, graph: StopGraph, problem: StopScene, state: StopState
+        self, prepared: PreparedWorld, problem: StopScene, state: StopState
     ) -> tuple[Float[Array, "*batch K"], Float[Array, "*batch"]]:
         """Logits of a categorical distribution over the stops and, apart, of the choice to end.
 
@@ -118,7 +100,7 @@ class StopPolicy(nn.Module):
         nodes = jnp.where(problem.mask[..., None], nodes, 0.0)
         context = dense(self.features, "context")(jnp.sum(nodes, axis=-2))
         hidden = self._offers(nodes, views) + context[..., None, :]
-        hidden = hidden + dense(self.features, "stop")(_stop_features(graph.poses[stops], views))
+        hidden = hidden + dense(self.features, "stop")(_stop_features(prepared.poses[stops], views))
         hidden = nn.relu(dense(self.features)(nn.relu(hidden)))
         score = nn.Dense(1, kernel_init=nn.initializers.zeros, name="score")(hidden)[..., 0]
         end = nn.Dense(1, kernel_init=nn.initializers.zeros, name="end")(nn.relu(context))[..., 0]

@@ -8,7 +8,8 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Bool, Float, Int
 
-from basenet_jax.policies.stop_policy import StopGraph, StopPolicy, StopScene, StopState
+from basenet_jax.policies.stop_policy import StopPolicy, StopScene, StopState
+from basenet_jax.task.prepared_world import PreparedWorld
 
 END = -1  # the choice to end, and padding of a sequence of stops
 
@@ -27,14 +28,14 @@ def start(problem: StopScene) -> StopState:
     return StopState(problem.robot_start, problem.first_drive, best, jnp.zeros(best.shape[:-1], best.dtype))
 
 
-def visit(graph: StopGraph, problem: StopScene, state: StopState, stop: Int[Array, "*batch"]) -> StopState:
+def visit(prepared: PreparedWorld, problem: StopScene, state: StopState, stop: Int[Array, "*batch"]) -> StopState:
     """After driving to a stop; the same state for `END`."""
     goes, stop = stop != END, jnp.maximum(stop, 0)
     here = jnp.take_along_axis(problem.pick_time, stop[..., None, None], axis=-2)[..., 0, :]
     served = problem.mask & ~jnp.isfinite(state.best) & jnp.isfinite(here)
     after = StopState(
-        robot_pose=graph.poses[stop],
-        drive=graph.drive[stop],
+        robot_pose=prepared.poses[stop],
+        drive=prepared.drive[stop],
         best=jnp.where(problem.mask, jnp.minimum(state.best, here), jnp.inf),
         # One visit is gone, and no visit need be kept for what is served now.
         spare=state.spare - 1 + jnp.sum(served, axis=-1),
@@ -66,7 +67,7 @@ def choose_randomly(key: Array) -> Choose:
 
 
 def play(
-    policy: StopPolicy, params: Any, graph: StopGraph, problem: StopScene, choose: Choose
+    policy: StopPolicy, params: Any, prepared: PreparedWorld, problem: StopScene, choose: Choose
 ) -> Int[Array, "*batch M"]:
     """The stops visited, then `END`; it goes on until all episodes of the batch have ended."""
     slots = problem.mask.shape[-1]
@@ -77,17 +78,17 @@ def play(
 
     def advance(carry: tuple[Array, StopState, Array, Array]) -> tuple[Array, StopState, Array, Array]:
         step, state, visited, going = carry
-        logits: Any = policy.apply(params, graph, problem, state)
+        logits: Any = policy.apply(params, prepared, problem, state)
         stop = jnp.where(going, choose(logits[0], logits[1], step), END)
         visited = jax.lax.dynamic_update_index_in_dim(visited, stop.astype(visited.dtype), step, axis=-1)
-        return step + 1, visit(graph, problem, state, stop), visited, going & (stop != END)
+        return step + 1, visit(prepared, problem, state, stop), visited, going & (stop != END)
 
     visited = jnp.full(problem.mask.shape, END, jnp.int32)
     nothing = (jnp.array(0), start(problem), visited, jnp.any(problem.mask, axis=-1))
     return jax.lax.while_loop(goes_on, advance, nothing)[2]
 
 
-def plan_of(graph: StopGraph, problem: StopScene, visited: Int[Array, " M"]) -> StopPlan:
+def plan_of(prepared: PreparedWorld, problem: StopScene, visited: Int[Array, " M"]) -> StopPlan:
     """The plan of one sequence of stops: each object at the visit that picks it fastest, idle visits left out.
 
     Args:
@@ -104,7 +105,7 @@ def plan_of(graph: StopGraph, problem: StopScene, visited: Int[Array, " M"]) -> 
     stops = jnp.where(used, visited, END)
 
     def drive(before: Array, stop: Array) -> tuple[Array, Array]:
-        leg = jnp.where(before == END, problem.first_drive[stop], graph.drive[before, stop])
+        leg = jnp.where(before == END, problem.first_drive[stop], prepared.drive[before, stop])
         return jnp.where(stop == END, before, stop), jnp.where(stop == END, 0.0, leg)
 
     _, legs = jax.lax.scan(drive, jnp.array(END, stops.dtype), stops)
@@ -115,7 +116,7 @@ plans_of = jax.vmap(plan_of, in_axes=(None, 0, 0))  # of a batch
 
 
 def sample(
-    policy: StopPolicy, params: Any, graph: StopGraph, problem: StopScene, key: Array, samples: int
+    policy: StopPolicy, params: Any, prepared: PreparedWorld, problem: StopScene, key: Array, samples: int
 ) -> Int[Array, "S M"]:
     """The stops of the greedy rollout, then of some sampled ones, for one scene.
 
@@ -133,19 +134,19 @@ def sample(
         return drawn.at[0].set(choose_best(stops, end, step)[0])
 
     many = jax.tree.map(lambda x: jnp.broadcast_to(x, (samples + 1, *x.shape)), problem)
-    return play(policy, params, graph, many, choose)
+    return play(policy, params, prepared, many, choose)
 
 
-def cheapest(graph: StopGraph, problem: StopScene, visited: Int[Array, "S M"]) -> StopPlan:
+def cheapest(prepared: PreparedWorld, problem: StopScene, visited: Int[Array, "S M"]) -> StopPlan:
     """The cheapest of one scene's sequences of stops, as a plan."""
-    plans = jax.vmap(plan_of, in_axes=(None, None, 0))(graph, problem, visited)
+    plans = jax.vmap(plan_of, in_axes=(None, None, 0))(prepared, problem, visited)
     return jax.tree.map(lambda x: x[jnp.argmin(plans.cost)], plans)
 
 
 def choices_gradient(
     policy: StopPolicy,
     params: Any,
-    graph: StopGraph,
+    prepared: PreparedWorld,
     problem: StopScene,
     visited: Int[Array, "B M"],
     weight: Float[Array, " B"],
@@ -172,10 +173,10 @@ def choices_gradient(
         step, state, counts, gradient, sums = carry
         stop = jax.lax.dynamic_index_in_dim(visited, step, axis=-1, keepdims=False)
         (value, entropy), own = jax.value_and_grad(_surprise, argnums=1, has_aux=True)(
-            policy, params, graph, problem, state, stop, jnp.where(counts, weight, 0.0), counts
+            policy, params, prepared, problem, state, stop, jnp.where(counts, weight, 0.0), counts
         )
         sums += jnp.stack([value, entropy / len(visited)])
-        after = visit(graph, problem, state, stop)
+        after = visit(prepared, problem, state, stop)
         return step + 1, after, counts & (stop != END), jax.tree.map(jnp.add, gradient, own), sums
 
     counts: Bool[Array, " B"] = jnp.any(problem.mask, axis=-1)
@@ -187,7 +188,7 @@ def choices_gradient(
 def _surprise(
     policy: StopPolicy,
     params: Any,
-    graph: StopGraph,
+    prepared: PreparedWorld,
     problem: StopScene,
     state: StopState,
     stop: Int[Array, " B"],
@@ -195,7 +196,7 @@ def _surprise(
     counts: Bool[Array, " B"],
 ) -> tuple[Float[Array, ""], Float[Array, ""]]:
     """Mean of the weighted -log probability of one choice, and the sum of the entropies."""
-    logits: Any = policy.apply(params, graph, problem, state)
+    logits: Any = policy.apply(params, prepared, problem, state)
     logs = jax.nn.log_softmax(jnp.where(counts[:, None], jnp.concatenate([logits[0], logits[1][:, None]], -1), 0.0))
     chosen = jnp.take_along_axis(logs, jnp.where(stop == END, logs.shape[-1] - 1, stop)[:, None], axis=-1)[:, 0]
     entropy = -jnp.sum(jnp.exp(logs) * jnp.where(jnp.isfinite(logs), logs, 0.0), axis=-1)

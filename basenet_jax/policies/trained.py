@@ -13,9 +13,10 @@ from basenet_jax import struct
 from basenet_jax.policies.base_pose import BasePosePolicy, untrained_policy
 from basenet_jax.policies.grasp_sequence import GraspSequencePolicy
 from basenet_jax.policies.networks import read_networks
-from basenet_jax.policies.stop_policy import StopGraph, StopPolicy, make_scene
+from basenet_jax.policies.stop_policy import StopPolicy, make_scene
 from basenet_jax.policies.stop_rollout import start
 from basenet_jax.robot.reading import DEFAULT_ROBOT
+from basenet_jax.task.prepared_world import PreparedWorld
 from basenet_jax.weights_file import load_described
 
 PACKAGED = "default.weights"
@@ -108,6 +109,6 @@ def untrained_sequence(network: GraspSequencePolicy = GraspSequencePolicy()) -> 
 
 def untrained_stops(policy: StopPolicy = StopPolicy()) -> Any:
     """Parameters of a stop policy as it begins, for their shapes: see `load_weights`."""
-    graph = StopGraph(jnp.zeros((1, 3)), jnp.zeros((1, 1)))
-    scene = make_scene(graph, jnp.zeros((1, 1)), jnp.zeros(1), jnp.zeros(3), jnp.zeros((1, 4)), jnp.ones(1, bool))
-    return policy.init(jax.random.key(0), graph, scene, start(scene))
+    prepared = PreparedWorld(None, jnp.zeros((1, 3)), None, jnp.zeros((1, 1)))
+    scene = make_scene(prepared, jnp.zeros((1, 1)), jnp.zeros(1), jnp.zeros(3), jnp.zeros((1, 4)), jnp.ones(1, bool))
+    return policy.init(jax.random.key(0), prepared, scene, start(scene))

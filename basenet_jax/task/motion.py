@@ -7,11 +7,10 @@ import jax
 import numpy as np
 from jaxtyping import Float, Int
 
-from basenet_jax.config import NavigationConfig, WorldConfig
+from basenet_jax.config import WorldConfig
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.time_law import TimeLaw, joint_move_law
-from basenet_jax.task.manoeuvre import Manoeuvre, along_path
-from basenet_jax.task.navigation import navigation_path
+from basenet_jax.task.drives import Drives, make_drives
 from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.world.scene import Scene
 
@@ -82,11 +81,12 @@ def plan_motion(
         smoothing_s: of arm moves, see `TimeLaw`.
     """
     scene, plan, outcome = jax.device_get((scene, plan, outcome))
+    drives = make_drives(robot, scene.room, config.navigation)
     keys = _Keys(robot, np.asarray(scene.robot_start, float), smoothing_s)
     executed = outcome.is_step & plan.served & (outcome.feasible | (outcome.navigation_time > 0))
     for step in np.flatnonzero(executed).tolist():
         keys.step = step
-        keys.drive(scene, np.asarray(plan.base_pose[step], float), config.navigation)
+        keys.drive(drives, np.asarray(plan.base_pose[step], float), config.navigation.same_pose)
         if outcome.feasible[step]:
             waypoints = np.asarray(outcome.joints[step], float)
             keys.pick(waypoints[0], waypoints[-1], int(plan.object_index[step]), config)
@@ -104,20 +104,13 @@ class _Keys:
         self.held, self.done = [-1], [0]
         self.parts: list[Part] = []
 
-    def drive(self, scene: Scene, goal: np.ndarray, config: NavigationConfig) -> None:
-        """Turns, drives and turns to a base pose, unless the robot is there."""
+    def drive(self, drives: Drives, goal: np.ndarray, same_pose: float) -> None:
+        """The legs of the drive to a base pose, unless the robot is there."""
         start = self.base_pose[-1]
         turn = (goal[2] - start[2] + np.pi) % (2.0 * np.pi) - np.pi
-        if np.hypot(*(goal - start)[:2]) <= config.same_pose and abs(turn) <= config.same_pose:
+        if np.hypot(*(goal - start)[:2]) <= same_pose and abs(turn) <= same_pose:
             return
-        path = navigation_path(self._robot, start, goal, scene.room, config)
-        self._follow(
-            along_path(self._robot, path, start, goal, same_pose=config.same_pose, keep_heading=config.straight)
-        )
-
-    def _follow(self, manoeuvre: Manoeuvre) -> None:
-        """The legs of a drive."""
-        for leg in manoeuvre.legs:
+        for leg in drives.manoeuvre(self._robot, start, goal).legs:
             self._add(Doing.TURN if leg.turn else Doing.DRIVE, leg.law, base_pose=leg.after)
 
     def pick(self, above: np.ndarray, grasp: np.ndarray, slot: int, config: WorldConfig) -> None:

@@ -13,7 +13,7 @@ from basenet_jax.compilation import Stored
 from basenet_jax.config import WorldConfig
 from basenet_jax.robot.kinematics import geometric_jacobian
 from basenet_jax.robot.model import Robot
-from basenet_jax.task.navigation import navigation_time
+from basenet_jax.task.drives import Drives, PointDrives
 from basenet_jax.task.picking import ArmCheck, Reason, pick
 from basenet_jax.world.clearance import base_collides, capsules_touch
 from basenet_jax.world.scene import Scene
@@ -69,6 +69,8 @@ def execute(
     robot: Robot,
     scene: Scene,
     plan: Plan,
+    drives: Drives | None = None,
+    *,
     config: WorldConfig = WorldConfig(),
     arm_check: ArmCheck = capsules_touch,
 ) -> Outcome:
@@ -81,19 +83,21 @@ def execute(
         robot: the robot.
         scene: one scene or a batch.
         plan: of the same batch shape.
+        drives: of the room that all scenes are in; by default of a point, each scene round its own one table.
         config: of navigation and picks.
         arm_check: tests joint states for collision.
     """
     is_step = plan.object_index >= 0
-    drives = is_step & plan.served
+    goes = is_step & plan.served
     # An unserved step comes after all served ones, so where the robot would drive from there doesn't matter.
     before = jnp.concatenate([scene.robot_start[..., None, :], plan.base_pose[..., :-1, :]], axis=-2)
     room = jax.tree.map(lambda x: jnp.expand_dims(x, scene.robot_start.ndim - 1), scene.room)
-    drive = navigation_time(robot, before, plan.base_pose, room, config.navigation)
+    drives = PointDrives(room, config.navigation) if drives is None else drives
+    drive = drives.each(robot, before, plan.base_pose)
     collides = base_collides(robot, plan.base_pose, room, config.pick.base_clearance_m, config.pick.touching_m)
-    fails = drives & (collides | ~jnp.isfinite(drive))
+    fails = goes & (collides | ~jnp.isfinite(drive))
     ended = jnp.cumsum(fails, axis=-1) - fails > 0  # by an earlier step
-    executed = drives & ~ended & ~fails
+    executed = goes & ~ended & ~fails
     slot = jnp.maximum(plan.object_index, 0)
     grasp = jnp.take_along_axis(scene.grasps, slot[..., None], axis=-2)
     picks = pick(robot, plan.base_pose, grasp, room, config.pick, arm_check)

@@ -74,7 +74,7 @@ def test_samples_are_never_worse_and_sometimes_better(greedy, sampled, setup, sc
 def test_no_plan_is_better_than_the_exact_one_over_the_same_stops(greedy, sampled, setup, scenes):
     for scene in scenes:
         candidates = check_candidates(setup.robot, scene, greedy.stops, world=setup.world)
-        problem = stop_problem(setup.robot, scene, candidates)
+        problem = stop_problem(setup.robot, setup.drives, scene, candidates)
         exact = problem.plan(scene, *jax.device_get(jax.jit(best_sequence)(*problem.costs)))
         least = float(judge(setup.robot, scene, exact).execution)
         for planner in (greedy, sampled):

@@ -54,7 +54,7 @@ def test_no_plan_is_judged_cheaper(setup, scenes):
     kept = np.unique(np.concatenate([np.flatnonzero(candidates.serves[:, slot])[:3] for slot in range(3)]))
     assert len(serving) >= len(kept) > 0
     few = Candidates(candidates.base_pose[kept], candidates.serves[kept], candidates.pick_time[kept], candidates.reason)
-    plan = plan_exactly(setup.robot, scene, few)
+    plan = plan_exactly(setup.robot, setup.drives, scene, few)
     plans = every_plan(few, 3)
     batch = jax.tree.map(lambda x: np.broadcast_to(x, (len(plans.served), *x.shape)), scene)
     outcomes = judge(setup.robot, batch, plans)

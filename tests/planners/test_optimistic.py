@@ -8,16 +8,17 @@ import pytest
 from basenet_jax.planners.aligned_stops import aligned_poses
 from basenet_jax.planners.candidates import estimate_times
 from basenet_jax.planners.optimistic import TOLERANCE_S, settle
-from basenet_jax.policies.stop_policy import StopPolicy, stop_graph
+from basenet_jax.policies.stop_policy import StopPolicy
 from basenet_jax.policies.stop_rollout import choose_best, plans_of, play
 from basenet_jax.policies.trained import untrained_stops
+from basenet_jax.task.prepared_world import prepare_world
 from tests import compiled
 
 
 @pytest.fixture(scope="module")
-def graph(setup):
+def prepared(setup):
     poses = aligned_poses(setup.robot, setup.room, compiled.ALIGNED)
-    return jax.jit(stop_graph)(setup.robot, setup.room, jnp.asarray(poses))
+    return jax.jit(prepare_world)(setup.robot, setup.room, jnp.asarray(poses))
 
 
 @pytest.fixture(scope="module")
@@ -26,29 +27,29 @@ def scenes(random_scene):
 
 
 @pytest.fixture(scope="module")
-def exact(setup, graph, scenes):
+def exact(setup, prepared, scenes):
     rows = [jax.tree.map(lambda x, i=i: x[i], scenes) for i in range(len(scenes.mask))]
-    return np.stack([compiled.check_candidates(setup.robot, scene, graph.poses).pick_time for scene in rows])
+    return np.stack([compiled.check_candidates(setup.robot, scene, prepared.poses).pick_time for scene in rows])
 
 
 @pytest.fixture(scope="module")
-def settled(setup, graph, scenes):
+def settled(setup, prepared, scenes):
     """Plans by an untrained policy on given pick times, two scenes at a time."""
     params = untrained_stops()
 
     def choose(own):
-        return plans_of(graph, own, play(StopPolicy(), params, graph, own, choose_best))
+        return plans_of(prepared, own, play(StopPolicy(), params, prepared, own, choose_best))
 
     @jax.jit
     def run(pick_time):
-        return settle(setup.robot, setup.room, graph, scenes, pick_time, choose, setup.world, at_once=2)
+        return settle(setup.robot, setup.room, prepared, scenes, pick_time, choose, setup.world, at_once=2)
 
     return run
 
 
-def test_estimates_are_exact_but_for_clearance(setup, graph, scenes, exact):
+def test_estimates_are_exact_but_for_clearance(setup, prepared, scenes, exact):
     estimate = jax.jit(estimate_times, static_argnames="pairs_at_once")
-    times = estimate(setup.robot, graph.poses, scenes.grasps, scenes.mask, pairs_at_once=128)
+    times = estimate(setup.robot, prepared.poses, scenes.grasps, scenes.mask, pairs_at_once=128)
     served = np.isfinite(exact)
     assert np.all(np.isfinite(times[served])), "an estimate may be too hopeful, never without hope"
     assert np.min((exact - times)[served]) > -TOLERANCE_S

@@ -237,7 +237,8 @@ def test_a_start_with_too_much_room_is_refused():
 
 def test_the_judge_agrees_with_the_cost(setup, random_scene):
     scene = random_scene(1)
-    problem = stop_problem(setup.robot, scene, compiled.check_candidates(setup.robot, scene, setup.grid_poses))
+    candidates = compiled.check_candidates(setup.robot, scene, setup.grid_poses)
+    problem = stop_problem(setup.robot, setup.drives, scene, candidates)
     found = search_stops(*problem.costs, jax.random.key(0), iterations=500)
     plan = problem.plan(scene, *plan_steps(found))
     outcome = compiled.execute(setup.robot, scene, plan)

@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from basenet_jax.policies.stop_policy import StopGraph, StopPolicy, StopScene, StopState, access_time, make_scene
+from basenet_jax.policies.stop_policy import StopPolicy, StopScene, StopState, access_time, make_scene
+from basenet_jax.task.prepared_world import PreparedWorld
 
 STOPS, OBJECTS = 20, 4
 POLICY = StopPolicy(features=8, considered=8)
@@ -26,35 +27,36 @@ def made_up(seed, stops=STOPS, objects=OBJECTS):
     pick[0] = 12.0
     drive = rng.uniform(2, 8, (stops, stops))
     np.fill_diagonal(drive, 0.0)
-    graph = StopGraph(jnp.asarray(rng.normal(size=(stops, 3)), jnp.float32), jnp.asarray(drive, jnp.float32))
+    poses = jnp.asarray(rng.normal(size=(stops, 3)), jnp.float32)
+    prepared = PreparedWorld(None, poses, None, jnp.asarray(drive, jnp.float32))
     problem = make(
-        graph,
+        prepared,
         jnp.asarray(pick, jnp.float32),
         jnp.asarray(rng.uniform(2, 8, stops), jnp.float32),
         jnp.array([2.5, 0.3, 1.0]),
         jnp.asarray(rng.normal(size=(objects, 4)), jnp.float32),
         jnp.ones(objects, bool),
     )
-    return graph, problem
+    return prepared, problem
 
 
-def at_stop(graph, problem, stop, best, spare=0.0):
-    return StopState(graph.poses[stop], graph.drive[stop], jnp.asarray(best, jnp.float32), jnp.array(spare))
+def at_stop(prepared, problem, stop, best, spare=0.0):
+    return StopState(prepared.poses[stop], prepared.drive[stop], jnp.asarray(best, jnp.float32), jnp.array(spare))
 
 
 @pytest.fixture(scope="module")
 def case():
     """A problem, the state after a visit to the first stop that served the first object only, and parameters."""
-    graph, problem = made_up(0)
-    state = at_stop(graph, problem, 3, [12.0, np.inf, np.inf, np.inf], spare=1.0)
-    params = init(jax.random.key(0), graph, problem, state)
+    prepared, problem = made_up(0)
+    state = at_stop(prepared, problem, 3, [12.0, np.inf, np.inf, np.inf], spare=1.0)
+    params = init(jax.random.key(0), prepared, problem, state)
     rng = np.random.default_rng(1)
     shaken = jax.tree.map(lambda leaf: np.asarray(leaf + 0.1 * rng.normal(size=leaf.shape), np.float32), params)
-    return graph, problem, state, shaken, params
+    return prepared, problem, state, shaken, params
 
 
 def test_permuting_objects_changes_nothing(case):
-    graph, problem, state, params, _ = case
+    prepared, problem, state, params, _ = case
     order = np.array([2, 0, 3, 1])
     permuted = dataclasses.replace(
         problem,
@@ -63,14 +65,14 @@ def test_permuting_objects_changes_nothing(case):
         grasps=problem.grasps[order],
         mask=problem.mask[order],
     )
-    stops, end = apply(params, graph, problem, state)
-    same_stops, same_end = apply(params, graph, permuted, state._replace(best=state.best[order]))
+    stops, end = apply(params, prepared, problem, state)
+    same_stops, same_end = apply(params, prepared, permuted, state._replace(best=state.best[order]))
     np.testing.assert_allclose(stops, same_stops, atol=1e-4)
     np.testing.assert_allclose(end, same_end, atol=1e-4)
 
 
 def test_permuting_stops_permutes_logits(case):
-    graph, problem, state, params, _ = case
+    prepared, problem, state, params, _ = case
     order = np.random.default_rng(1).permutation(STOPS)
     permuted = dataclasses.replace(
         problem,
@@ -78,10 +80,10 @@ def test_permuting_stops_permutes_logits(case):
         access=problem.access[order],
         first_drive=problem.first_drive[order],
     )
-    stops, _ = apply(params, graph, problem, state)
+    stops, _ = apply(params, prepared, problem, state)
     same, _ = apply(
         params,
-        StopGraph(graph.poses[order], graph.drive[order][:, order]),
+        PreparedWorld(None, prepared.poses[order], None, prepared.drive[order][:, order]),
         permuted,
         state._replace(drive=state.drive[order]),
     )
@@ -90,7 +92,7 @@ def test_permuting_stops_permutes_logits(case):
 
 
 def test_padding_changes_nothing(case):
-    graph, problem, state, params, _ = case
+    prepared, problem, state, params, _ = case
     padded = dataclasses.replace(
         problem,
         pick_time=jnp.pad(problem.pick_time, ((0, 0), (0, 2)), constant_values=3.0),
@@ -99,12 +101,14 @@ def test_padding_changes_nothing(case):
         mask=jnp.pad(problem.mask, (0, 2)),
     )
     more = state._replace(best=jnp.pad(state.best, (0, 2), constant_values=np.inf))
-    for ours, theirs in zip(apply(params, graph, problem, state), apply(params, graph, padded, more), strict=True):
+    for ours, theirs in zip(
+        apply(params, prepared, problem, state), apply(params, prepared, padded, more), strict=True
+    ):
         np.testing.assert_allclose(ours, theirs, atol=1e-4)
 
 
 def test_it_starts_as_the_rule(case):
-    graph, problem, state, _, params = case
+    prepared, problem, state, _, params = case
     pick, best = np.asarray(problem.pick_time), np.asarray(state.best)
     least = pick.min(axis=0)
     rule = params["params"]["rule"]
@@ -118,20 +122,20 @@ def test_it_starts_as_the_rule(case):
         cost[stop] += float(rule["farthest"]) * max(
             problem.access[stop, o] for o in range(OBJECTS) if np.isinf(best[o])
         )
-    stops, _ = map(np.asarray, apply(params, graph, problem, state))
+    stops, _ = map(np.asarray, apply(params, prepared, problem, state))
     looked_at = np.isfinite(stops)
     np.testing.assert_allclose(stops[looked_at], -float(rule["sharpness"]) * cost[looked_at], rtol=1e-4)
     assert np.argmax(stops) == np.argmin(cost)
 
 
 def test_what_is_allowed():
-    graph, problem = made_up(5)
+    prepared, problem = made_up(5)
     pick = jnp.full((STOPS, OBJECTS), jnp.inf).at[0].set(12.0).at[1, 0].set(9.0).at[2, 1].set(11.0)
-    problem = dataclasses.replace(problem, pick_time=pick, access=access_time(graph.drive, pick))
-    params = init(jax.random.key(0), graph, problem, at_stop(graph, problem, 0, [np.inf] * 4))
+    problem = dataclasses.replace(problem, pick_time=pick, access=access_time(prepared.drive, pick))
+    params = init(jax.random.key(0), prepared, problem, at_stop(prepared, problem, 0, [np.inf] * 4))
 
     def allowed(best, spare):
-        stops, end = apply(params, graph, problem, at_stop(graph, problem, 0, best, spare))
+        stops, end = apply(params, prepared, problem, at_stop(prepared, problem, 0, best, spare))
         return np.flatnonzero(np.isfinite(stops)).tolist(), bool(np.isfinite(end))
 
     waiting = np.inf
@@ -155,10 +159,10 @@ def test_access_time_is_the_least_over_all_stops(drive, pick):
 
 
 def test_objects_that_no_stop_serves_are_left_out():
-    graph, problem = made_up(2)
+    prepared, problem = made_up(2)
     pick = problem.pick_time.at[:, 1].set(jnp.inf)
     remade = make(
-        graph, pick, problem.first_drive, problem.robot_start, problem.grasps, jnp.array([True, True, True, False])
+        prepared, pick, problem.first_drive, problem.robot_start, problem.grasps, jnp.array([True, True, True, False])
     )
     assert isinstance(remade, StopScene)
     assert remade.mask.tolist() == [True, False, True, False]

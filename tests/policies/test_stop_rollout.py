@@ -12,7 +12,7 @@ import pytest
 
 from basenet_jax.planners.aligned_stops import aligned_poses
 from basenet_jax.planners.protocol import assemble_plan
-from basenet_jax.policies.stop_policy import StopPolicy, StopScene, make_scene, stop_graph
+from basenet_jax.policies.stop_policy import StopPolicy, StopScene, make_scene
 from basenet_jax.policies.stop_rollout import (
     END,
     cheapest,
@@ -26,6 +26,7 @@ from basenet_jax.policies.stop_rollout import (
     start,
     visit,
 )
+from basenet_jax.task.prepared_world import prepare_world
 from tests import compiled
 from tests.policies.test_stop_policy import made_up
 
@@ -33,44 +34,44 @@ POLICY = StopPolicy(features=8, considered=12)
 
 
 @jax.jit
-def sampled(params, graph, problem, key):
-    return play(POLICY, params, graph, problem, choose_randomly(key))
+def sampled(params, prepared, problem, key):
+    return play(POLICY, params, prepared, problem, choose_randomly(key))
 
 
 @jax.jit
-def greedy(params, graph, problem):
-    return play(POLICY, params, graph, problem, choose_best)
+def greedy(params, prepared, problem):
+    return play(POLICY, params, prepared, problem, choose_best)
 
 
 def batch(problem: StopScene, count: int) -> StopScene:
     return jax.tree.map(lambda x: np.broadcast_to(x, (count, *x.shape)), problem)
 
 
-def shaken(graph, problem, scale=0.3, policy=POLICY):
+def shaken(prepared, problem, scale=0.3, policy=POLICY):
     """Parameters that follow no rule."""
-    params = jax.jit(policy.init)(jax.random.key(0), graph, problem, start(problem))
+    params = jax.jit(policy.init)(jax.random.key(0), prepared, problem, start(problem))
     rng = np.random.default_rng(2)
     return jax.tree.map(lambda leaf: np.asarray(leaf + scale * rng.normal(size=leaf.shape), np.float32), params)
 
 
 @pytest.fixture(scope="module")
 def case():
-    graph, problem = made_up(7)
-    return graph, problem, shaken(graph, problem)
+    prepared, problem = made_up(7)
+    return prepared, problem, shaken(prepared, problem)
 
 
 def test_cost_is_the_judges(robot, room):
     """On a real scene with an empty slot: the plan's cost is N + G of its execution, and everything is grasped."""
     scene = compiled.draw_scene(4, 3, room, slots=4)
     poses = jnp.asarray(aligned_poses(robot, room, compiled.ALIGNED))
-    graph = jax.jit(stop_graph)(robot, room, poses)
+    prepared = jax.jit(prepare_world)(robot, room, poses)
     picks = compiled.check_candidates(robot, scene, poses).pick_time
-    problem = make_scene(graph, picks, graph.drive[0], scene.robot_start, scene.grasps, scene.mask)
+    problem = make_scene(prepared, picks, prepared.drive[0], scene.robot_start, scene.grasps, scene.mask)
     first_drive = compiled.navigation_time(robot, scene.robot_start, poses, room)
     problem = dataclasses.replace(problem, first_drive=jnp.asarray(first_drive))
-    params = shaken(graph, problem)
-    visited = sampled(params, graph, batch(problem, 3), jax.random.key(0))
-    plans = plans_of(graph, batch(problem, 3), visited)
+    params = shaken(prepared, problem)
+    visited = sampled(params, prepared, batch(problem, 3), jax.random.key(0))
+    plans = plans_of(prepared, batch(problem, 3), visited)
     for stops, picked_at, cost in zip(*map(np.asarray, plans), strict=True):
         order = np.argsort(picked_at, kind="stable")[np.sum(picked_at < 0) :]
         plan = assemble_plan(scene, order, np.asarray(poses)[stops[picked_at[order]]], np.zeros(4, int))
@@ -80,10 +81,10 @@ def test_cost_is_the_judges(robot, room):
 
 
 def test_everything_is_served_within_as_many_stops_as_objects(case):
-    graph, problem, params = case
+    prepared, problem, params = case
     many = batch(problem, 64)
-    visited = np.asarray(sampled(params, graph, many, jax.random.key(2)))
-    plans = plans_of(graph, many, jnp.asarray(visited))
+    visited = np.asarray(sampled(params, prepared, many, jax.random.key(2)))
+    plans = plans_of(prepared, many, jnp.asarray(visited))
     assert np.all(np.isfinite(plans.cost))
     assert np.all(plans.picked_at >= 0)
     assert np.all((visited[:, 1:] == END) | (visited[:, :-1] != END)), "a stop after the end"
@@ -91,11 +92,11 @@ def test_everything_is_served_within_as_many_stops_as_objects(case):
 
 
 def test_plan_of_drops_idle_stops_and_adds_up(case):
-    graph, problem, _ = case
-    pick, drive, first = (np.asarray(x) for x in (problem.pick_time, graph.drive, problem.first_drive))
+    prepared, problem, _ = case
+    pick, drive, first = (np.asarray(x) for x in (problem.pick_time, prepared.drive, problem.first_drive))
     for seed in range(20):
         visited = np.append(0, np.random.default_rng(seed).permutation(np.arange(1, 20))[:3])
-        plan = plan_of(graph, problem, jnp.asarray(visited))
+        plan = plan_of(prepared, problem, jnp.asarray(visited))
         best = pick[visited].argmin(axis=0)
         used = [int(stop) for place, stop in enumerate(visited) if place in best]
         expected = pick[visited].min(axis=0).sum() + first[used[0]]
@@ -106,17 +107,17 @@ def test_plan_of_drops_idle_stops_and_adds_up(case):
 
 
 def test_a_plan_that_misses_an_object_costs_infinitely_much(case):
-    graph, problem, _ = case
-    assert np.isinf(plan_of(graph, problem, jnp.full(4, END)).cost)
+    prepared, problem, _ = case
+    assert np.isinf(plan_of(prepared, problem, jnp.full(4, END)).cost)
 
 
 def test_the_best_sample_is_never_worse_than_greedy(case):
-    graph, problem, params = case
-    cost = float(plan_of(graph, problem, greedy(params, graph, problem)).cost)
+    prepared, problem, params = case
+    cost = float(plan_of(prepared, problem, greedy(params, prepared, problem)).cost)
 
     @jax.jit(static_argnames="samples")
     def least(key, samples):
-        return cheapest(graph, problem, sample(POLICY, params, graph, problem, key, samples)).cost
+        return cheapest(prepared, problem, sample(POLICY, params, prepared, problem, key, samples)).cost
 
     assert float(least(jax.random.key(0), samples=0)) == pytest.approx(cost)
     costs = [float(least(jax.random.key(seed), samples=16)) for seed in range(4)]
@@ -125,7 +126,7 @@ def test_the_best_sample_is_never_worse_than_greedy(case):
 
 
 def test_padding_changes_no_greedy_episode(case):
-    graph, problem, params = case
+    prepared, problem, params = case
     padded = dataclasses.replace(
         problem,
         pick_time=jnp.pad(problem.pick_time, ((0, 0), (0, 2)), constant_values=2.0),
@@ -133,7 +134,7 @@ def test_padding_changes_no_greedy_episode(case):
         grasps=jnp.pad(problem.grasps, ((0, 2), (0, 0)), constant_values=7.0),
         mask=jnp.pad(problem.mask, (0, 2)),
     )
-    ours, theirs = greedy(params, graph, problem), greedy(params, graph, padded)
+    ours, theirs = greedy(params, prepared, problem), greedy(params, prepared, padded)
     np.testing.assert_array_equal(theirs, np.append(ours, [END, END]))
 
 
@@ -146,24 +147,24 @@ def sequences(stops):
 def test_gradient_is_that_of_the_expected_cost_by_enumeration():
     """Over all sequences, `choices_gradient` weighted by -P cost against autodiff of the sum of P cost."""
     policy = StopPolicy(features=4, layers=1, considered=5)
-    graph, problem = made_up(3, stops=5, objects=2)
-    params = shaken(graph, problem, policy=policy)
+    prepared, problem = made_up(3, stops=5, objects=2)
+    params = shaken(prepared, problem, policy=policy)
     visited = jnp.asarray(sequences(5))
     many = batch(problem, len(visited))
 
     def chances(params):
         state, chance, going = start(many), jnp.ones(len(visited)), jnp.ones(len(visited), bool)
         for stop in visited.T:
-            logits: Any = policy.apply(params, graph, many, state)
+            logits: Any = policy.apply(params, prepared, many, state)
             share = jax.nn.softmax(jnp.concatenate([logits[0], logits[1][:, None]], axis=-1))
             own = jnp.take_along_axis(share, jnp.where(stop == END, 5, stop)[:, None], axis=1)[:, 0]
             chance = chance * jnp.where(going, own, 1.0)
-            state, going = visit(graph, many, state, stop), going & (stop != END)
+            state, going = visit(prepared, many, state, stop), going & (stop != END)
         return chance
 
     chance = jax.jit(chances)(params)
     assert float(jnp.sum(chance)) == pytest.approx(1.0, abs=1e-5)
-    cost = plans_of(graph, many, visited).cost
+    cost = plans_of(prepared, many, visited).cost
     cost = jnp.where(chance > 0, cost, 0.0)
     assert np.all(np.isfinite(cost))
     assert float(jnp.std(cost[chance > 0])) > 0.1, "all cost the same: the test would show nothing"
@@ -171,7 +172,7 @@ def test_gradient_is_that_of_the_expected_cost_by_enumeration():
     gradient = jax.jit(choices_gradient, static_argnums=0)
     for baseline in (0.0, float(jnp.mean(cost))):  # a constant baseline doesn't bias the gradient
         weight = -len(visited) * chance * (cost - baseline)
-        estimate, _, entropy = gradient(policy, params, graph, many, visited, weight)
+        estimate, _, entropy = gradient(policy, params, prepared, many, visited, weight)
         chex.assert_trees_all_close(estimate, exact, atol=2e-3, rtol=2e-2)
     assert float(entropy) > 0.1
     assert float(jnp.max(jnp.abs(exact["params"]["score"]["kernel"]))) > 1e-2

@@ -1,0 +1,156 @@
+"""How the base gets about in a room: the two kinds of drives, each with what it needs prepared, behind one face.
+
+Planners ask for the `ends` of many poses once and for `times` between them as often as they like; the judge asks for
+`each` drive of a plan. A new kind of drive is one more class here.
+"""
+
+import functools
+import math
+from collections.abc import Hashable
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike
+from jaxtyping import Float
+
+from basenet_jax import struct
+from basenet_jax.compilation import Stored
+from basenet_jax.config import DockedConfig, NavigationConfig
+from basenet_jax.robot.model import Robot
+from basenet_jax.task.docked_drives import drive_matrix, drive_times
+from basenet_jax.task.docked_manoeuvre import find_manoeuvre
+from basenet_jax.task.gates import gates
+from basenet_jax.task.manoeuvre import Manoeuvre, along_path
+from basenet_jax.task.navigation import navigation_path, navigation_time
+from basenet_jax.task.roadmap import Roadmap, make_roadmap
+from basenet_jax.world.boxes import Room, fingerprint
+
+Ends: TypeAlias = Any  # of S poses: a pytree of arrays whose first axis is S
+
+
+@struct.dataclass
+class PointDrives:
+    """Drives of a point round the one table of a room, the paper's world; see `task.navigation`."""
+
+    room: Room
+    config: NavigationConfig = struct.field(pytree_node=False)
+
+    def ends(self, robot: Robot, poses: Float[Array, "S 3"]) -> Ends:
+        """What `times` asks of poses (x, y, heading in W)."""
+        del robot
+        return poses
+
+    def times(self, robot: Robot, start: Ends, goal: Ends) -> Float[Array, "S T"]:
+        """Least times (s) from all starts to all goals; infinite where there is no way."""
+        return navigation_time(robot, start[:, None], goal, self.room, self.config)
+
+    def matrix(self, robot: Robot, start: Float[ArrayLike, "S 3"], goal: Float[ArrayLike, "T 3"]) -> ArrayLike:
+        """The same between many poses, on the host."""
+        return _point_matrix(self, robot, start, goal)
+
+    def each(
+        self, robot: Robot, start: Float[Array, "*batch 3"], goal: Float[Array, "*batch 3"]
+    ) -> Float[Array, "*batch"]:
+        """Least times (s) of single drives."""
+        return navigation_time(robot, start, goal, self.room, self.config)
+
+    def manoeuvre(self, robot: Robot, start: Float[ArrayLike, "3"], goal: Float[ArrayLike, "3"]) -> Manoeuvre:
+        """The legs of the drive that takes the least time, on the host.
+
+        Raises:
+            ValueError: the goal can't be reached.
+        """
+        path = navigation_path(robot, start, goal, self.room, self.config)
+        config = self.config
+        return along_path(robot, path, start, goal, same_pose=config.same_pose, keep_heading=config.straight)
+
+
+@struct.dataclass
+class DockedDrives:
+    """Drives true to the footprint among boxes; see `task.docked_drives`."""
+
+    roadmap: Roadmap
+
+    def ends(self, robot: Robot, poses: Float[Array, "S 3"]) -> Ends:
+        """What `times` asks of poses (x, y, heading in W)."""
+        return gates(robot, self.roadmap.space, poses)
+
+    def times(self, robot: Robot, start: Ends, goal: Ends) -> Float[Array, "S T"]:
+        """Least times (s) from all starts to all goals; infinite where there is no way."""
+        return drive_times(robot, self.roadmap, start, goal)
+
+    def matrix(self, robot: Robot, start: Float[ArrayLike, "S 3"], goal: Float[ArrayLike, "T 3"]) -> ArrayLike:
+        """The same between many poses, on the host, where turning places that poses share are used once."""
+        return drive_matrix(robot, self.roadmap, start, goal)
+
+    def each(
+        self, robot: Robot, start: Float[Array, "*batch 3"], goal: Float[Array, "*batch 3"]
+    ) -> Float[Array, "*batch"]:
+        """Least times (s) of single drives."""
+        batch = jnp.broadcast_shapes(start.shape[:-1], goal.shape[:-1])
+        ends = [
+            self.ends(robot, jnp.broadcast_to(poses, (*batch, 3)).reshape(math.prod(batch), 3))
+            for poses in (start, goal)
+        ]
+        alone = jax.tree.map(lambda x: x[:, None], ends)
+        return jax.lax.map(lambda pair: self.times(robot, *pair)[0, 0], alone).reshape(batch)
+
+    def manoeuvre(self, robot: Robot, start: Float[ArrayLike, "3"], goal: Float[ArrayLike, "3"]) -> Manoeuvre:
+        """The legs of the drive that takes the least time, on the host.
+
+        Raises:
+            ValueError: the goal can't be reached.
+        """
+        return find_manoeuvre(robot, self.roadmap, start, goal)
+
+
+Drives: TypeAlias = PointDrives | DockedDrives
+
+
+def make_drives(robot: Robot, room: Room, config: NavigationConfig = NavigationConfig()) -> Drives:
+    """The drives of a room, on the host: of a point where it has one table (the paper's world), else docked.
+
+    Args:
+        robot: its base counts.
+        room: one room, concrete.
+        config: which of the two, and their numbers.
+
+    Raises:
+        ValueError: drives of a point are asked for in a room of several boxes.
+    """
+    count = room.boxes.low.shape[-1]
+    if config.drives == "point" and count != 1:
+        raise ValueError(f"drives: found point in a room of {count} boxes, allowed is docked (or one table)")
+    if config.drives == "docked" or (config.drives == "by-room" and count != 1):
+        host, concrete = jax.tree.map(np.asarray, jax.device_get((robot, room)))
+        return DockedDrives(_roadmap(_Known(_base(host), host), _Known(fingerprint(room), concrete), config.docked))
+    return PointDrives(room, config)
+
+
+@dataclass(frozen=True)
+class _Known:
+    """Something that the cache of roadmaps knows again."""
+
+    identity: Hashable
+    value: Any = field(compare=False)
+
+
+@functools.lru_cache(maxsize=16)
+def _roadmap(robot: _Known, room: _Known, config: DockedConfig) -> Roadmap:
+    return jax.device_put(make_roadmap(robot.value, room.value, config))
+
+
+def _base(robot: Robot) -> Hashable:
+    """All of a robot that drives depend on."""
+    sizes = (robot.footprint_half_size, robot.body_center, robot.body_half_size)
+    arrays = (np.asarray(x) for x in (*sizes, robot.base_speed, robot.base_acceleration))
+    return robot.omnidirectional, *(x.tobytes() for x in arrays)
+
+
+@Stored
+def _point_matrix(drives: PointDrives, robot: Robot, start: Array, goal: Array) -> Array:
+    return drives.times(robot, start, goal)
