@@ -1,7 +1,6 @@
 import jax
 import numpy as np
 
-from basenet_jax.config import NavigationConfig
 from basenet_jax.planners.greedy_stops import GreedyStops, greedy_stops
 from tests import compiled
 
@@ -33,9 +32,7 @@ def plainly(robot, scene, candidates):
 def test_it_follows_the_rule(setup, four_objects):
     poses = setup.grid_poses
     candidates = compiled.check_candidates(setup.robot, four_objects, poses)
-    stops = greedy_stops(
-        setup.robot, four_objects, candidates, WORTH, PointDrives(four_objects.room, NavigationConfig())
-    )
+    stops = greedy_stops(setup.robot, four_objects, candidates, WORTH, setup.drives)
     for index, (pose, served) in enumerate(plainly(setup.robot, four_objects, candidates)):
         np.testing.assert_array_equal(stops.base_pose[index], poses[pose])
         assert set(np.flatnonzero(stops.serves[index]).tolist()) == served
