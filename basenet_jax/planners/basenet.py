@@ -21,7 +21,7 @@ from basenet_jax.compilation import Stored
 from basenet_jax.config import PickConfig, WorldConfig
 from basenet_jax.devices import Devices, use_devices
 from basenet_jax.planners.aligned_stops import aligned_poses
-from basenet_jax.planners.candidates import Candidates, check_candidates, estimate_times, join
+from basenet_jax.planners.candidates import Candidates, check_candidates, estimate_times, join, only_reachable
 from basenet_jax.planners.optimistic import TOLERANCE_S, settle, stop_scenes
 from basenet_jax.planners.options import SampleOptions, StopsOptions
 from basenet_jax.planners.protocol import PlannerSetup, in_parts, no_plan
@@ -151,6 +151,8 @@ class BaSeNet:
             check_candidates(setup.robot, scene, poses, world=setup.world, pairs_at_once=_PAIRS)
             for poses in (self._prepared.poses, setup.grid_poses)
         )
+        if setup.docked is not None:
+            aligned, grid = (only_reachable(setup.robot, setup.docked, scene, each) for each in (aligned, grid))
         both, missed = join(aligned, grid), ~jnp.any(aligned.serves, axis=0)
         if bool(jnp.any(grid.serves & missed)):
             candidates, prepared = both, self._prepare(both.base_pose)

@@ -16,6 +16,7 @@ from basenet_jax.compilation import Stored
 from basenet_jax.config import GridConfig, PickConfig, WorldConfig
 from basenet_jax.robot.kinematics import reach_sphere
 from basenet_jax.robot.model import Robot
+from basenet_jax.task.drives import Drives
 from basenet_jax.task.picking import Reason, estimate_pick_time, pick
 from basenet_jax.trigonometry import sin_cos
 from basenet_jax.world.boxes import Room
@@ -108,6 +109,21 @@ def check_candidates(
         serves=serves,
         pick_time=time,
         reason=jnp.where(jnp.any(serves, axis=0), Reason.NONE, jnp.max(reason, axis=0)),
+    )
+
+
+@jax.jit
+def only_reachable(robot: Robot, drives: Drives, scene: Scene, candidates: Candidates) -> Candidates:
+    """The candidates without service from poses to which there is no way from the robot's start."""
+    start, goals = drives.ends(robot, scene.robot_start[None]), drives.ends(robot, candidates.base_pose)
+    reachable = jnp.isfinite(drives.times(robot, start, goals)[0])[:, None]
+    serves = candidates.serves & reachable
+    lost = jnp.any(candidates.serves, axis=0) & ~jnp.any(serves, axis=0)
+    return Candidates(
+        base_pose=candidates.base_pose,
+        serves=serves,
+        pick_time=jnp.where(reachable, candidates.pick_time, jnp.inf),
+        reason=jnp.where(lost, Reason.UNREACHABLE, candidates.reason),
     )
 
 

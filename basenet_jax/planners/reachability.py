@@ -26,7 +26,7 @@ from basenet_jax import rounds, struct
 from basenet_jax.compilation import cache_folder
 from basenet_jax.config import GridConfig, PickConfig
 from basenet_jax.geometry import relative
-from basenet_jax.planners.candidates import Candidates, check_candidates, join
+from basenet_jax.planners.candidates import Candidates, check_candidates, join, only_reachable
 from basenet_jax.planners.protocol import PlannerSetup
 from basenet_jax.robot.ik import damped_least_squares, residual
 from basenet_jax.robot.kinematics import components, reach_sphere
@@ -338,7 +338,7 @@ class CandidateSource:
             setup: of the planner.
             checked: whether all pairs of pose and object are checked and timed, or looked up in the map.
         """
-        self._robot, self._world = setup.robot, setup.world
+        self._robot, self._world, self._docked = setup.robot, setup.world, setup.docked
         self._poses = jax.device_put(setup.candidate_poses)
         self._maps = None if checked else MapStore(setup.robot, setup.grid, setup.world.pick, map_folder())
 
@@ -362,8 +362,11 @@ class CandidateSource:
             reason = jnp.full(len(scene.mask), Reason.BASE_COLLIDES)
             return Candidates(poses, nothing.astype(bool), nothing, reason)
         if self._maps is None:
-            return check_candidates(self._robot, scene, poses, world=self._world)
-        return map_candidates(self._maps.for_scene(scene), scene, poses)
+            candidates = check_candidates(self._robot, scene, poses, world=self._world)
+        else:
+            candidates = map_candidates(self._maps.for_scene(scene), scene, poses)
+        # Only in a room are there other poses instead of those that can't be reached.
+        return only_reachable(self._robot, self._docked, scene, candidates) if self._docked else candidates
 
 
 def unserved_reason(candidates: Candidates) -> Int[Array, " M"]:

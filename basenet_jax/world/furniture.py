@@ -7,9 +7,10 @@ import jax
 import numpy as np
 from msgspec import UNSET, Meta, Struct, UnsetType
 
-from basenet_jax.world.boxes import UNBOUNDED, Boxes, Room
+from basenet_jax.world.boxes import UNBOUNDED, Boxes, Room, pad
 
 MAX_BOXES = 256  # that are written; a map's come on top
+_FEWEST = 16  # boxes, with those that pad; more are padded to powers of two, so that rooms share programs
 FLAT_M = 0.01  # height of boxes that say nothing of heights: on the floor, any box blocks the base
 
 # Bounds far beyond any real room, within which float32 keeps tenths of a millimetre and milliradians.
@@ -76,12 +77,15 @@ def furnish(furniture: Furniture, map_boxes: Boxes | None = None) -> tuple[Room,
     """The room in float32, on the host, and its boxes' names.
 
     Surfaces come first and in their order, then obstacles, pieces of walls (`north[0]`, `north[1]`, ... of `north`),
-    rectangles to keep out of, and those of the map, which are all called `map`.
+    rectangles to keep out of, and those of the map, which are all called `map`. More boxes, without names, pad: the
+    paper's world alone, in which drives are of a point, is a room of one box.
     """
     boxes, names = written_boxes(furniture)
     if map_boxes is not None:
         boxes = jax.tree.map(lambda *parts: np.concatenate(parts), boxes, map_boxes)
         names += ["map"] * len(map_boxes.low)
+    if furniture.drives != "point" or len(names) > 1:
+        boxes = pad(boxes, max(_FEWEST, 1 << (len(names) - 1).bit_length()))
     floor = UNBOUNDED if isinstance(furniture.floor, UnsetType) else furniture.floor
     bounds: Any = np.array(floor, np.float32)
     return Room(boxes, bounds), tuple(names)

@@ -11,7 +11,7 @@ from msgspec import UnsetType
 
 from basenet_jax.documents.fields import convert, describe, shortest
 from basenet_jax.robot.reading import load_robot, robot_name
-from basenet_jax.world.boxes import Boxes, Room
+from basenet_jax.world.boxes import Room
 from basenet_jax.world.footprints import within
 from basenet_jax.world.furniture import Furniture, SurfaceFields, furnish
 from basenet_jax.world.grasp_fields import grasp_of, size_of, top_down
@@ -102,9 +102,10 @@ def room_document(scene: NamedScene) -> dict[str, Any]:
 def _check_same(room: Room, furniture: Furniture, names: tuple[str, ...]) -> None:
     written, written_names = furnish(furniture)
     count = len(written_names)
-    own = Room(Boxes(*(getattr(room.boxes, name)[:count] for name in Boxes.__dataclass_fields__)), room.floor)
+    own, wanted = (jax.tree.map(lambda x: x[:count], each.boxes) for each in (room, written))
     same = names[:count] == written_names and set(names[count:]) <= {"map"}
-    if not same or not all(map(np.array_equal, jax.tree.leaves(own), jax.tree.leaves(written))):
+    leaves = (jax.tree.leaves((boxes, floor)) for boxes, floor in ((own, room.floor), (wanted, written.floor)))
+    if not same or not all(map(np.array_equal, *leaves)):
         raise ValueError("room: found boxes or a floor changed in the arrays, allowed are those of its furniture")
 
 
