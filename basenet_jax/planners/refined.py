@@ -10,12 +10,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.typing import ArrayLike
 from jaxtyping import Float
 
 from basenet_jax.compilation import Stored
 from basenet_jax.config import RefinementConfig, WorldConfig
 from basenet_jax.planners.aligned_stops import aligned_poses
-from basenet_jax.planners.candidates import Candidates, check_candidates, join
+from basenet_jax.planners.candidates import PAIRS_AT_ONCE as GRID_PAIRS_AT_ONCE
+from basenet_jax.planners.candidates import Candidates, check_candidates, join, only_reachable
 from basenet_jax.planners.options import RefinedOptions
 from basenet_jax.planners.protocol import PlannerSetup, no_plan
 from basenet_jax.planners.refinement import alternatives, reassign, refine
@@ -80,8 +82,7 @@ class Refined:
         aligned = self._check(scene, self._aligned)
         if not bool(jnp.all(jnp.any(aligned.serves, axis=0) | ~scene.mask)):
             # What the aligned stops can't serve, some pose of the grid may.
-            setup = self._setup
-            aligned = join(aligned, check_candidates(setup.robot, scene, setup.grid_poses, world=setup.world))
+            aligned = join(aligned, self._check(scene, self._setup.grid_poses, GRID_PAIRS_AT_ONCE))
         best, value, pool = None, (-1, 0.0), aligned
         for attempt in itertools.count():
             search_key, refine_key, pool_key = jax.random.split(jax.random.fold_in(key, attempt), 3)
@@ -107,8 +108,10 @@ class Refined:
             return problem.plan(scene, *problem.best_steps())
         return problem.plan(scene, *plan_steps(search_stops(*problem.costs, key, iterations=SEARCH_ITERATIONS)))
 
-    def _check(self, scene: Scene, poses: Float[Array, "K 3"]) -> Candidates:
-        return check_candidates(self._setup.robot, scene, poses, world=self._setup.world, pairs_at_once=PAIRS_AT_ONCE)
+    def _check(self, scene: Scene, poses: Float[ArrayLike, "K 3"], at_once: int = PAIRS_AT_ONCE) -> Candidates:
+        setup = self._setup
+        candidates = check_candidates(setup.robot, scene, poses, world=setup.world, pairs_at_once=at_once)
+        return only_reachable(setup.robot, setup.docked, scene, candidates) if setup.docked else candidates
 
     def improve(self, scene: Scene, plan: Plan, key: Array) -> Plan:
         """A plan with its stops moved and every object given to its best one, if that is no worse; but for rounding.

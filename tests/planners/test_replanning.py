@@ -42,7 +42,7 @@ def test_what_is_left_is_planned_as_without_padding(setup, random_scene, picked)
     scene, planner = random_scene(5), Dp(setup)
     left = left_of(scene, planner(scene, KEY), picked)
     candidates = compiled.check_candidates(setup.robot, left, setup.grid_poses)
-    bare = plan_exactly(setup.robot, left, candidates)
+    bare = plan_exactly(setup.robot, setup.drives, left, candidates)
     for found, expected in zip(jax.tree.leaves(planner(left, KEY)), jax.tree.leaves(bare), strict=True):
         np.testing.assert_array_equal(found, expected)
 
