@@ -70,6 +70,7 @@ def _view(options: Arguments) -> int:
     from basenet_jax.planners.registry import shared_options
     from basenet_jax.robot.reading import DEFAULT_ROBOT
     from basenet_jax.viewer.app import Viewer, check_address
+    from basenet_jax.viewer.editing import pad
     from basenet_jax.viewer.planned import Choices, planner_for
     from basenet_jax.world.scene_file import load_scene
 
@@ -80,7 +81,7 @@ def _view(options: Arguments) -> int:
     try:
         check_address(options.host, options.port)
         if options.scene is not None:
-            scene = load_scene(options.scene, robot=options.robot)
+            scene = pad(load_scene(options.scene, robot=options.robot))
         else:
             key, robot = jax.random.key(options.seed), options.robot or DEFAULT_ROBOT
             scene = sample_scene(key, objects=options.objects, robot=robot, world=options.world)

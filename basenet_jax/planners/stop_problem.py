@@ -99,8 +99,8 @@ def stop_problem(
     """
     pick_time, pose = np.asarray(candidates.pick_time), np.asarray(candidates.base_pose)
     first = np.asarray(drives.matrix(robot, scene.robot_start[None], candidates.base_pose))[0]
-    # What only such poses serve can't be had. Round one table no drive leads to them, wherever it begins: they lie inside
-    # the table grown by the path margin. In a room they are shut in.
+    # What only such poses serve can't be had. Round one table no drive leads to them, wherever it begins: they are
+    # inside the table grown by the path margin. In a room they are shut in.
     reachable = np.isfinite(first)
     served = np.flatnonzero(np.any(np.isfinite(pick_time[reachable]), axis=0))
     reason = np.where(np.any(np.isfinite(pick_time), axis=0), int(Reason.UNREACHABLE), np.asarray(candidates.reason))

@@ -8,12 +8,14 @@ from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Polygon
+from matplotlib.path import Path
 from numpy.typing import ArrayLike
 
 from basenet_jax.plots.arm_reach import arm_reach
 from basenet_jax.robot.model import Robot
-from basenet_jax.task.navigation import navigation_path
+from basenet_jax.task.drives import make_drives
 from basenet_jax.task.plan import Outcome, Plan
+from basenet_jax.world.boxes import Room
 from basenet_jax.world.scene import OBJECT_CLASSES, Scene
 
 # Okabe and Ito's palette, told apart with any colour vision: one colour for each class, the last for users' own.
@@ -22,6 +24,9 @@ CLASS_NAMES = (*(kind.name.replace("_", " ") for kind in OBJECT_CLASSES), "own c
 BASE, PATH, PICK, FAILED, REACH = "#1B3A5C", "#7A93AC", "#8C8C8C", "#B00020", "#0072B2"
 _BASE_FACE = (0.11, 0.23, 0.36, 0.16)
 _REACH_ALPHA = 0.10
+_SURFACE: dict[str, Any] = {"fc": "#EFE6D8", "ec": "#8A7A60", "zorder": 1}
+_SOLID: dict[str, Any] = {"fc": "#B9BCC0", "ec": "#6F7378", "zorder": 0.9}
+_KEEP_OUT: dict[str, Any] = {"fc": "#F6E3DE", "ec": "#D08A78", "lw": 0.6, "hatch": "///", "zorder": 0.8}
 _HALO = (patheffects.withStroke(linewidth=2.5, foreground="white"),)  # keeps numbers readable on lines
 
 
@@ -36,15 +41,25 @@ def draw_plan(axes: Axes, robot: Robot, scene: Scene, plan: Plan, outcome: Outco
         outcome: of executing it.
         size: of the numbers, in points.
     """
-    table = Polygon(rectangle((0.0, 0.0, 0.0), scene.room.table_half_size), fc="#EFE6D8", ec="#8A7A60", zorder=1)
-    axes.add_patch(table)
-    _draw_reach(axes, robot, scene, plan, outcome, table)
+    draw_room(axes, scene.room)
+    _draw_reach(axes, robot, scene, plan, outcome)
     _draw_objects(axes, scene, plan, outcome, size)
     _draw_stops(axes, robot, scene, plan, outcome, size)
     axes.set_aspect("equal")
     axes.autoscale_view()
     axes.grid(color="#DDDDDD", linewidth=0.5, zorder=0)
     axes.set_axisbelow(True)
+
+
+def draw_room(axes: Axes, room: Room) -> None:
+    """The boxes of a concrete room from above, surfaces over what else stands there, and the floor's bounds."""
+    boxes = room.boxes
+    for index in np.flatnonzero(np.asarray(boxes.blocks_base) | np.asarray(boxes.blocks_arm)):
+        look = _SURFACE if boxes.bears_objects[index] else _SOLID if boxes.blocks_arm[index] else _KEEP_OUT
+        axes.add_patch(Polygon(rectangle(boxes.pose[index], boxes.half_size[index]), **look))
+    if np.all(np.isfinite(room.floor)):
+        x_min, y_min, x_max, y_max = np.asarray(room.floor, float).tolist()
+        axes.plot([x_min, x_max, x_max, x_min, x_min], [y_min, y_min, y_max, y_max, y_min], color="#8A8A8A", lw=1.0)
 
 
 def legend_handles(scenes: Sequence[Scene], failures: bool) -> list[Any]:
@@ -94,8 +109,8 @@ def _mount(robot: Robot, pose: ArrayLike) -> np.ndarray:
     return to_world(pose, np.asarray(robot.mount_position)[None, :2])[0]
 
 
-def _draw_reach(axes: Axes, robot: Robot, scene: Scene, plan: Plan, outcome: Outcome, table: Polygon) -> None:
-    """From each stop, the part of the table in reach at the lowest height that is grasped; overlaps are darker.
+def _draw_reach(axes: Axes, robot: Robot, scene: Scene, plan: Plan, outcome: Outcome) -> None:
+    """From each stop, the part of the surfaces in reach at the lowest height that is grasped; overlaps are darker.
 
     What isn't grasped doesn't count: it may be lower than the arm reaches anywhere.
     """
@@ -104,11 +119,14 @@ def _draw_reach(axes: Axes, robot: Robot, scene: Scene, plan: Plan, outcome: Out
     if reach is None:
         return
     _, farthest = reach
+    boxes = scene.room.boxes
+    tops = [rectangle(boxes.pose[i], boxes.half_size[i]) for i in np.flatnonzero(boxes.bears_objects)]
+    surfaces = Path.make_compound_path(*(Polygon(top).get_path() for top in tops))
     for pose in stops_of(plan, outcome):
         x, y = _mount(robot, pose)
         disc = Circle((x, y), farthest, facecolor=REACH, alpha=_REACH_ALPHA, edgecolor="none", zorder=1.5)
         axes.add_artist(disc)
-        disc.set_clip_path(table)
+        disc.set_clip_path(surfaces, axes.transData)
 
 
 def _draw_objects(axes: Axes, scene: Scene, plan: Plan, outcome: Outcome, size: float) -> None:
@@ -133,11 +151,12 @@ def _draw_stops(axes: Axes, robot: Robot, scene: Scene, plan: Plan, outcome: Out
     """The start, every different base pose with the steps made there, the driven path, and the picks."""
     _draw_base(axes, robot, scene.robot_start, hollow=True)
     _write(axes, scene.robot_start, "start", size)
-    before = scene.robot_start
+    before, drives = scene.robot_start, make_drives(robot, scene.room)
     for step in np.flatnonzero(outcome.is_step & plan.served):
         pose = plan.base_pose[step]
         if float(outcome.navigation_time[step]) > 0:
-            path = navigation_path(robot, before, pose, scene.room)
+            legs = drives.manoeuvre(robot, before, pose).legs
+            path = np.array([before[:2], *(leg.after[:2] for leg in legs)])
             axes.plot(path[:, 0], path[:, 1], color=PATH, lw=1.4, ls=(0, (5, 2)), zorder=2)
             before = pose
         grasp, mount = scene.grasps[plan.object_index[step]], _mount(robot, pose)

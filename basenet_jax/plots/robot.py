@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 
-from basenet_jax.plots.drawing import rectangle
+from basenet_jax.plots.drawing import draw_room
 from basenet_jax.robot.model import Robot
 from basenet_jax.world.boxes import Room
 
@@ -49,7 +49,7 @@ def plot_service(
     """The table from above: grasps that some base pose serves, with a line to that base, and those that none does."""
     figure = Figure(figsize=(9.0, 6.0), layout="constrained")
     axes = figure.subplots()
-    axes.add_patch(Polygon(rectangle((0.0, 0.0, 0.0), room.table_half_size), fc="#EFE6D8", ec="#8A7A60", zorder=1))
+    draw_room(axes, room)
     for grasp, pose in zip(grasps[served], base_pose[served], strict=True):
         axes.plot([grasp[0], pose[0]], [grasp[1], pose[1]], color="#7A93AC", lw=0.4, zorder=2)
     axes.plot(*base_pose[served][:, :2].T, "s", color=_BODY, ms=3, ls="", label="a base pose that serves it")

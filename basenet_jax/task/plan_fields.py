@@ -20,6 +20,15 @@ class ArmFields(Struct, forbid_unknown_fields=True):
     grasp: list[float]
 
 
+class LegFields(Struct, forbid_unknown_fields=True, omit_defaults=True):
+    """A turn on the spot (rad, counter-clockwise) or a straight piece (m, negative in reverse), from rest to rest."""
+
+    time_s: _Duration
+    turn: float = 0.0
+    straight: float = 0.0
+    direction: float = 0.0  # rad, of a straight piece in the base's frame, where it doesn't go along the heading
+
+
 class StepFields(Struct, forbid_unknown_fields=True):
     """One step: where the base parks for an object, and what comes of it. Nulls where there is nothing to say."""
 
@@ -31,6 +40,7 @@ class StepFields(Struct, forbid_unknown_fields=True):
     pick_time_s: _Duration
     arm: ArmFields | None
     least_singular_value: Annotated[float, Meta(ge=0)] | None = None  # m and rad; older files have none
+    manoeuvre: list[LegFields] | UnsetType = UNSET  # of a docked drive from the pose before
 
 
 class TotalsFields(Struct, forbid_unknown_fields=True):
@@ -86,6 +96,12 @@ ALLOWED = {
     "steps[].pick_time_s": _SECONDS,
     "steps[].arm": "is a mapping of joint angles, or null",
     "steps[].least_singular_value": "is a number from 0 on (m and rad), or null",
+    "steps[].manoeuvre": "is a list of legs, or no such key",
+    "steps[].manoeuvre[]": "is a mapping of time_s and turn or straight",
+    "steps[].manoeuvre[].time_s": _SECONDS,
+    "steps[].manoeuvre[].turn": "is a number (rad)",
+    "steps[].manoeuvre[].straight": "is a number (m)",
+    "steps[].manoeuvre[].direction": "is a number (rad)",
     "steps[].arm.pre_grasp": "is a list of joint angles (rad)",
     "steps[].arm.grasp": "is a list of joint angles (rad)",
     "totals": "is a mapping of counts and times",

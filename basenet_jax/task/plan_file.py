@@ -13,10 +13,20 @@ from basenet_jax.config import WorldConfig
 from basenet_jax.documents.config_file import ConfigFileError, differences, overlay
 from basenet_jax.documents.fields import DocumentError, convert, describe, field_error, shortest
 from basenet_jax.documents.text_files import read_json, to_json
-from basenet_jax.robot.reading import robot_name
+from basenet_jax.robot.reading import load_robot, robot_name
+from basenet_jax.task.drives import DockedDrives, make_drives
 from basenet_jax.task.picking import Reason
 from basenet_jax.task.plan import Outcome, Plan
-from basenet_jax.task.plan_fields import ALLOWED, FORMAT, ArmFields, PlanFields, StepFields, TotalsFields, WorldFields
+from basenet_jax.task.plan_fields import (
+    ALLOWED,
+    FORMAT,
+    ArmFields,
+    LegFields,
+    PlanFields,
+    StepFields,
+    TotalsFields,
+    WorldFields,
+)
 from basenet_jax.world.scene import NamedScene
 
 REASONS = {reason.name.lower(): reason for reason in Reason if reason != Reason.NONE}
@@ -54,7 +64,8 @@ def save_plan(
         ValueError: the outcome holds an infinite number.
     """
     plan, outcome = jax.device_get((plan, outcome))
-    steps = [_step(scene, plan, outcome, int(step)) for step in np.flatnonzero(outcome.is_step)]
+    drives = _manoeuvres(scene, plan, outcome, world)
+    steps = [_step(scene, plan, outcome, int(step), drives) for step in np.flatnonzero(outcome.is_step)]
     totals = TotalsFields(
         objects=len(steps),
         grasped=int(outcome.grasped),
@@ -130,7 +141,20 @@ def reason_name(reason: Any) -> str | None:
     return Reason(int(reason)).name.lower() if int(reason) else None
 
 
-def _step(scene: NamedScene, plan: Plan, outcome: Outcome, step: int) -> StepFields:
+def _manoeuvres(scene: NamedScene, plan: Plan, outcome: Outcome, world: WorldConfig) -> dict[int, list[LegFields]]:
+    """The docked drives of the steps that have one."""
+    robot, found = load_robot(scene.robot), {}
+    drives = make_drives(robot, jax.device_get(scene.arrays.room), world.navigation)
+    before = np.asarray(scene.arrays.robot_start, float)
+    for step in np.flatnonzero(outcome.navigation_time > 0) if isinstance(drives, DockedDrives) else ():
+        pose = np.asarray(plan.base_pose[step], float)
+        legs = drives.manoeuvre(robot, before, pose).legs
+        found[int(step)] = [LegFields(leg.time_s, leg.turn, leg.straight, leg.direction) for leg in legs]
+        before = pose
+    return found
+
+
+def _step(scene: NamedScene, plan: Plan, outcome: Outcome, step: int, drives: dict[int, list[LegFields]]) -> StepFields:
     feasible, joints, least = bool(outcome.feasible[step]), outcome.joints[step], outcome.least_singular_value
     return StepFields(
         object=scene.names[int(plan.object_index[step])],
@@ -141,6 +165,7 @@ def _step(scene: NamedScene, plan: Plan, outcome: Outcome, step: int) -> StepFie
         pick_time_s=shortest(outcome.pick_time[step]),
         arm=ArmFields(pre_grasp=shortest(joints[0]), grasp=shortest(joints[-1])) if feasible else None,
         least_singular_value=shortest(least[step]) if feasible and least is not None else None,
+        manoeuvre=drives.get(step, UNSET),
     )
 
 

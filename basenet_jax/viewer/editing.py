@@ -27,15 +27,21 @@ class PlacementError(ValueError):
 
 
 def pad(scene: NamedScene) -> NamedScene:
-    """The scene on the host, with room for more objects: `FEW_OBJECTS` slots, or `MAX_OBJECTS` if it has more."""
+    """The scene on the host, with room for more objects: `FEW_OBJECTS` slots, or `MAX_OBJECTS` if it has more.
+
+    Raises:
+        ValueError: it is a room, which the page can't show yet.
+    """
+    if scene.furniture is not None:
+        raise ValueError("format: found a room, the viewer shows scenes of one table; basenet_jax.plan plans rooms")
     count = len(scene.names)
     slots = FEW_OBJECTS if count <= FEW_OBJECTS else MAX_OBJECTS
     arrays: Scene = jax.device_get(scene.arrays)
 
     def fill(values: np.ndarray) -> np.ndarray:
-        room = np.zeros((slots, *values.shape[1:]), values.dtype)
-        room[:count] = values[:count]
-        return room
+        longer = np.zeros((slots, *values.shape[1:]), values.dtype)
+        longer[:count] = values[:count]
+        return longer
 
     padded = dataclasses.replace(arrays, **{leaf: fill(np.asarray(getattr(arrays, leaf))) for leaf in BY_SLOT})
     return dataclasses.replace(scene, arrays=padded)

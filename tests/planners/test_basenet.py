@@ -135,7 +135,7 @@ def test_drives_from_the_grid_are_costed_only_where_it_helps(greedy, scenes, hop
     def unwanted(*_):
         raise AssertionError("costed")
 
-    monkeypatch.setattr(greedy, "_graph_of", unwanted)
+    monkeypatch.setattr(greedy, "_prepare", unwanted)
     assert int(np.sum(greedy(hopeless(scenes[0], [1, 4]), KEY).served)) == 4
 
 

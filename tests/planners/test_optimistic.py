@@ -18,7 +18,7 @@ from tests import compiled
 @pytest.fixture(scope="module")
 def prepared(setup):
     poses = aligned_poses(setup.robot, setup.room, compiled.ALIGNED)
-    return jax.jit(prepare_world)(setup.robot, setup.room, jnp.asarray(poses))
+    return prepare_world(setup.robot, setup.drives, poses)
 
 
 @pytest.fixture(scope="module")

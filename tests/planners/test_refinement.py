@@ -75,11 +75,12 @@ def test_rigid_motions_keep_what_stops_are_to_each_other():
 def few_programs():
     """The planner's two steps of improvement are compiled apart, as the tests of each call them."""
 
-    def refine_and_reassign(robot, scene, route, key, config, world):
-        route, _ = move(robot, scene, route, key, config.rounds, config=config, world=world)
+    def refine_and_reassign(robot, scene, route, key, drives, config, world):
+        route, _ = move(robot, scene, route, key, drives, config.rounds, config=config, world=world)
         return route, assign(robot, scene, route, world=world)
 
-    def execute(robot, scene, plan, *, config):
+    def execute(robot, scene, plan, drives, *, config):
+        assert drives is None
         return compiled.execute(robot, scene, plan, config)
 
     with pytest.MonkeyPatch.context() as patch:
@@ -101,10 +102,11 @@ def test_every_plan_is_at_least_as_good_as_the_one_before(planner, robot, four_o
     assert times[0] >= times[1] >= times[2]
 
 
-def test_what_it_says_it_costs_is_what_the_judge_says(planner, robot, four_objects):
+def test_what_it_says_it_costs_is_what_the_judge_says(planner, setup, robot, four_objects):
     plan = next(planner.improving_plans(four_objects, jax.random.key(0)))
     before = judge(robot, four_objects, plan)
-    route, cost = move(robot, four_objects, as_route(plan), jax.random.key(1), 4, config=SMALL, world=WorldConfig())
+    given = (robot, four_objects, as_route(plan), jax.random.key(1), setup.drives, 4)
+    route, cost = move(*given, config=SMALL, world=WorldConfig())
     after = judge(robot, four_objects, as_plan(four_objects, route, reason_by_slot(plan)))
     assert float(cost) == pytest.approx(float(after.execution), abs=2e-3)
     assert float(after.execution) <= float(before.execution) + 1e-3

@@ -26,6 +26,7 @@ from basenet_jax.policies.stop_rollout import (
     start,
     visit,
 )
+from basenet_jax.task.drives import make_drives
 from basenet_jax.task.prepared_world import prepare_world
 from tests import compiled
 from tests.policies.test_stop_policy import made_up
@@ -64,7 +65,7 @@ def test_cost_is_the_judges(robot, room):
     """On a real scene with an empty slot: the plan's cost is N + G of its execution, and everything is grasped."""
     scene = compiled.draw_scene(4, 3, room, slots=4)
     poses = jnp.asarray(aligned_poses(robot, room, compiled.ALIGNED))
-    prepared = jax.jit(prepare_world)(robot, room, poses)
+    prepared = prepare_world(robot, make_drives(robot, room), poses)
     picks = compiled.check_candidates(robot, scene, poses).pick_time
     problem = make_scene(prepared, picks, prepared.drive[0], scene.robot_start, scene.grasps, scene.mask)
     first_drive = compiled.navigation_time(robot, scene.robot_start, poses, room)
