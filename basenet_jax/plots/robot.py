@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 
-from basenet_jax.plots.drawing import draw_room
+from basenet_jax.plots.drawing import draw_room, rectangle
 from basenet_jax.robot.model import Robot
 from basenet_jax.world.boxes import Room
 

@@ -53,7 +53,12 @@ def assert_equal(one, other):
 
 def test_a_room_is_read_as_it_stands(folder):
     scene = load_text(folder, TEXT)
-    arrays, boxes = scene.arrays, scene.arrays.room.boxes
+    arrays = scene.arrays
+    boxes, filled_up = (
+        jax.tree.map(lambda x, rows=rows: x[rows], arrays.room.boxes) for rows in (slice(6), slice(6, None))
+    )
+    assert len(filled_up.low) == 10
+    assert not np.any(filled_up.blocks_base | filled_up.blocks_arm | filled_up.bears_objects)
     assert scene.names == ("mug_1", "bowl_1", "part_7")
     assert scene.box_names == ("bench", "shelf_2", "pillar", "lamp", "north", "charging")
     np.testing.assert_array_equal(arrays.room.floor, np.array([0.0, 0.0, 8.5, 6.2], np.float32))
