@@ -115,7 +115,8 @@ def _to_fields(scene: NamedScene) -> SceneFields:
     table = TableFields(tuple(shortest(2 * arrays.room.table_half_size)), shortest(arrays.room.table_height))
     alone = jax.tree.leaves(make_room(table))
     if not all(map(np.array_equal, jax.tree.leaves(arrays.room), alone)):
-        found = f"a room of {arrays.room.boxes.low.shape[-1]} boxes without its furniture"
+        boxes = arrays.room.boxes
+        found = f"a room of {np.sum(boxes.blocks_base | boxes.blocks_arm)} boxes without its furniture"
         raise ValueError(f"room: found {found}, allowed is one table about W's origin")
     robot = RobotFields(model=robot_name(scene.robot), start=tuple(shortest(arrays.robot_start)))
     objects = [_object_fields(arrays, slot, name) for slot, name in enumerate(scene.names)]
