@@ -101,7 +101,8 @@ def test_a_map_blocks_the_base_alone(folder):
     room = content() | {"map": "hall.yaml"}
     room["robot"]["start"] = [5.0, 1.5, 0.0]
     scene = load_text(folder, json.dumps(room), "room.json")
-    boxes, of_map = scene.arrays.room.boxes, np.resize([*np.array(scene.box_names) == "map", *[False] * 16], 16)
+    boxes, of_map = scene.arrays.room.boxes, np.zeros(16, bool)
+    of_map[: len(scene.box_names)] = np.array(scene.box_names) == "map"
     assert of_map.sum() == 4, "a frame, whose right side is the map's own"
     assert np.all(boxes.blocks_base[of_map])
     assert not np.any(boxes.blocks_arm[of_map])
