@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from basenet_jax.world.scene import NamedScene
 
 
+_CLUTTER = "clutter isn't looked at yet: objects beside the one that is picked, and the arm itself, may be in the way"
+
+
 @dataclass(frozen=True, kw_only=True)
 class Arguments(PlannerArguments):
     """Plans where the robot parks and in which order it picks the objects of a scene, and prints the plan.
@@ -98,6 +101,8 @@ def _plan(options: Arguments, world: WorldConfig) -> int:
         scene = load_scene(options.scene, robot=options.robot)
         if scene.written_for:
             print(f"basenet_jax.plan: {options.scene} names the robot {scene.written_for}, not this", file=sys.stderr)
+        if scene.furniture is not None and scene.furniture.clutter:
+            print(f"basenet_jax.plan: {options.scene}: {_CLUTTER}", file=sys.stderr)
         made_for = {"robot": scene.robot, "room": scene.arrays.room, "world": world, "grid": options.grid}
         made = make_planner(options.planner, **made_for, **options.given_options())
     except ValueError as error:

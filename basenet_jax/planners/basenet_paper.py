@@ -6,7 +6,7 @@ from jax import Array
 from basenet_jax.config import WorldConfig
 from basenet_jax.devices import ONE_DEVICE, Devices, use_devices
 from basenet_jax.planners.options import LearnedOptions
-from basenet_jax.planners.protocol import PlannerSetup, in_parts
+from basenet_jax.planners.protocol import PlannerSetup, PlanningError, in_parts
 from basenet_jax.policies.pickup import as_plan, choose_learned, rollout
 from basenet_jax.policies.trained import Weights, load_policies
 from basenet_jax.robot.model import Robot
@@ -21,7 +21,7 @@ class BaSeNetPaper:
 
     Raises:
         ValueError: the weights are missing, damaged, not of the networks that their file describes or for another
-            robot; the message names them.
+            robot; the message names them. Or (`PlanningError`) it is a room of several boxes.
     """
 
     def __init__(self, setup: PlannerSetup, options: LearnedOptions = LearnedOptions()):
@@ -30,6 +30,8 @@ class BaSeNetPaper:
             setup.world,
             use_devices(options.devices or jax.local_device_count()),
         )
+        if setup.docked is not None:
+            raise PlanningError("room: found several boxes, basenet-paper plans for one table; use basenet or refined")
         self._weights = load_policies(options.weights, setup.robot.name)
 
     def __call__(self, scene: Scene, key: Array) -> Plan:

@@ -20,13 +20,13 @@ class ArmFields(Struct, forbid_unknown_fields=True):
     grasp: list[float]
 
 
-class LegFields(Struct, forbid_unknown_fields=True, omit_defaults=True):
+class LegFields(Struct, forbid_unknown_fields=True, kw_only=True):
     """A turn on the spot (rad, counter-clockwise) or a straight piece (m, negative in reverse), from rest to rest."""
 
+    turn: float | UnsetType = UNSET
+    straight: float | UnsetType = UNSET
+    direction: float | UnsetType = UNSET  # rad, of a straight piece in the base's frame, unless it is the heading
     time_s: _Duration
-    turn: float = 0.0
-    straight: float = 0.0
-    direction: float = 0.0  # rad, of a straight piece in the base's frame, where it doesn't go along the heading
 
 
 class StepFields(Struct, forbid_unknown_fields=True):

@@ -15,6 +15,7 @@ from basenet_jax.documents.fields import DocumentError, convert, describe, field
 from basenet_jax.documents.text_files import read_json, to_json
 from basenet_jax.robot.reading import load_robot, robot_name
 from basenet_jax.task.drives import DockedDrives, make_drives
+from basenet_jax.task.manoeuvre import Leg
 from basenet_jax.task.picking import Reason
 from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.task.plan_fields import (
@@ -148,10 +149,14 @@ def _manoeuvres(scene: NamedScene, plan: Plan, outcome: Outcome, world: WorldCon
     before = np.asarray(scene.arrays.robot_start, float)
     for step in np.flatnonzero(outcome.navigation_time > 0) if isinstance(drives, DockedDrives) else ():
         pose = np.asarray(plan.base_pose[step], float)
-        legs = drives.manoeuvre(robot, before, pose).legs
-        found[int(step)] = [LegFields(leg.time_s, leg.turn, leg.straight, leg.direction) for leg in legs]
+        found[int(step)] = [_leg(leg) for leg in drives.manoeuvre(robot, before, pose).legs]
         before = pose
     return found
+
+
+def _leg(leg: Leg) -> LegFields:
+    given = {name: value for name in ("turn", "straight", "direction") if (value := getattr(leg, name)) != 0.0}
+    return LegFields(**given, time_s=leg.time_s)
 
 
 def _step(scene: NamedScene, plan: Plan, outcome: Outcome, step: int, drives: dict[int, list[LegFields]]) -> StepFields:

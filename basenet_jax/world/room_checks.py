@@ -41,6 +41,10 @@ def check_furniture(room: RoomFields) -> None:
     if count > MAX_BOXES:
         found = f"{count} boxes in surfaces, obstacles, walls' pieces and keep_out"
         raise field_error("", found, f"are up to {MAX_BOXES} in all")
+    alone = count == 1 and room.map is UNSET and room.floor is UNSET and room.surfaces[0].pose == (0.0, 0.0, 0.0)
+    if room.drives == "point" and not (alone and room.surfaces[0].thickness is UNSET):
+        allowed = "is docked; point only goes round one solid table about W's origin, with nothing else there"
+        raise field_error("drives", "'point' in a room", allowed)
     _check_surfaces(room)
 
 

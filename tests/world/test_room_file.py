@@ -132,6 +132,11 @@ BAD = [
     ("[[0, 6.2], [8.5, 6.2]]", "[[0, 6], [0]]", "walls[0].points[1]: found [0], allowed is [x, y], two numbers (m)"),
     ("[[0, 6.2], [8.5, 6.2]]", "[[2, 0], [2, 6]]", "surfaces[0].pose: found [2.0, 3.1, 1.5708], where it overlaps a"),
     ("[0.8, 0.8]", "[0.8, .inf]", "keep_out[0].size[1]: found inf, allowed are finite numbers"),
+    (
+        "drives: docked",
+        "drives: point",
+        "drives: found 'point' in a room, allowed is docked; point only goes round one",
+    ),
     ("drives: docked", "drives: fast", "drives: found 'fast', allowed is docked or point, or no such key"),
     ("clutter: true", "clutter: 1", "clutter: found 1, allowed is true or false, or no such key"),
     ("start: [4.2, 1.0,", "start: [4.2, 0.1,", "robot.start: found [4.2, 0.1, 0.0], where the base of ur5e_mobile l"),
