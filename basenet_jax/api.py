@@ -25,7 +25,6 @@ from basenet_jax.robot.model import Robot
 from basenet_jax.robot.reading import DEFAULT_ROBOT, load_robot, robot_digest, robot_stamp
 from basenet_jax.settings import Settings
 from basenet_jax.task import plan as judge
-from basenet_jax.task.drives import Drives, make_drives
 from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.world.boxes import Room, fingerprint
 from basenet_jax.world.generate import draw_scene
@@ -214,9 +213,7 @@ def execute(
         world: of drives and picks.
     """
     robot = _robot(robot, scene)
-    arrays = _arrays(scene)
-    outcome = judge.compiled_execute(robot, arrays, plan, _docked(robot, arrays.room, world), config=world)
-    return judge.with_singular_values(robot, outcome)
+    return judge.with_singular_values(robot, judge.judge(robot, _arrays(scene), plan, world))
 
 
 def plot_plan(
@@ -328,22 +325,6 @@ def _identified(robot: RobotLike) -> _Identified:
 @functools.lru_cache(maxsize=16)
 def _robot_on_device(robot: _Identified) -> Robot:
     return jax.device_put(robot.robot)
-
-
-def _docked(robot: Robot, room: Room, world: WorldConfig) -> Drives | None:
-    """The drives that the judge is given in a room, or in a batch of one and the same; None: of a point.
-
-    Raises:
-        ValueError: the rooms of a batch differ.
-    """
-    if world.navigation.drives == "point" or (world.navigation.drives == "by-room" and room.boxes.low.shape[-1] == 1):
-        return None
-    if room.batched:
-        first, *others = (jax.tree.map(lambda x, row=row: x[row], room) for row in range(len(room.boxes.low)))
-        if any(fingerprint(other) != fingerprint(first) for other in others):
-            raise ValueError("scenes: found several rooms; judge the scenes of each room in a call of their own")
-        room = first
-    return make_drives(robot, room, world.navigation)
 
 
 def _robot(robot: RobotLike | None, scene: NamedScene | Scene) -> Robot:

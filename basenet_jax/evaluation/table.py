@@ -15,8 +15,9 @@ from basenet_jax.evaluation.scene_sets import SceneSet
 from basenet_jax.planners.protocol import PlanningError
 from basenet_jax.progress import Reporter
 from basenet_jax.robot.model import Robot
+from basenet_jax.task import plan
 from basenet_jax.task.picking import Reason
-from basenet_jax.task.plan import Outcome, compiled_execute
+from basenet_jax.task.plan import Outcome
 from basenet_jax.world.scene import Scene
 
 REFERENCE = "dp"  # of the ratios
@@ -117,7 +118,7 @@ def judge(robot: Robot, scenes: Scene, planned: dict[str, Planned], world: World
     """
     plans = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *(each.plans for each in planned.values()))
     scenes = jax.tree.map(lambda x: jnp.concatenate([x] * len(planned)), scenes)
-    outcomes: Outcome = jax.device_get(compiled_execute(robot, scenes, plans, config=world))
+    outcomes: Outcome = jax.device_get(plan.judge(robot, scenes, plans, world))
     broken = replay(robot, scenes, plans, outcomes, world)
     outcomes = confirmed(outcomes, broken)
     scores = {}

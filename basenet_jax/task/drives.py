@@ -111,6 +111,11 @@ class DockedDrives:
 Drives: TypeAlias = PointDrives | DockedDrives
 
 
+def are_docked(room: Room, config: NavigationConfig) -> bool:
+    """Whether one drives true to the footprint in a room, or a batch of rooms."""
+    return config.drives == "docked" or (config.drives == "by-room" and room.boxes.low.shape[-1] != 1)
+
+
 def make_drives(robot: Robot, room: Room, config: NavigationConfig = NavigationConfig()) -> Drives:
     """The drives of a room, on the host: of a point where it has one table (the paper's world), else docked.
 
@@ -125,7 +130,7 @@ def make_drives(robot: Robot, room: Room, config: NavigationConfig = NavigationC
     count = room.boxes.low.shape[-1]
     if config.drives == "point" and count != 1:
         raise ValueError(f"drives: found point in a room of {count} boxes, allowed is docked (or one table)")
-    if config.drives == "docked" or (config.drives == "by-room" and count != 1):
+    if are_docked(room, config):
         host, concrete = jax.tree.map(np.asarray, jax.device_get((robot, room)))
         return DockedDrives(_roadmap(_Known(_base(host), host), _Known(fingerprint(room), concrete), config.docked))
     return PointDrives(room, config)

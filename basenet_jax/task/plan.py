@@ -13,7 +13,7 @@ from basenet_jax.compilation import Stored
 from basenet_jax.config import WorldConfig
 from basenet_jax.robot.kinematics import geometric_jacobian
 from basenet_jax.robot.model import Robot
-from basenet_jax.task.drives import Drives, PointDrives
+from basenet_jax.task.drives import Drives, PointDrives, are_docked, make_drives
 from basenet_jax.task.picking import ArmCheck, Reason, pick
 from basenet_jax.world.clearance import base_collides, capsules_touch
 from basenet_jax.world.scene import Scene
@@ -116,6 +116,28 @@ def execute(
 
 
 compiled_execute = Stored(execute, static=("config",))
+
+
+def judge(robot: Robot, scenes: Scene, plans: Plan, world: WorldConfig = WorldConfig()) -> Outcome:
+    """`execute` of one scene or a batch, compiled, with the drives of each scene's room.
+
+    Scenes in which one drives docked are judged one after the other: each room has its own roads.
+
+    Args:
+        robot: the robot.
+        scenes: one scene or a batch with one leading axis, concrete.
+        plans: of the same batch shape.
+        world: of drives and picks.
+    """
+    if not are_docked(scenes.room, world.navigation):
+        return compiled_execute(robot, scenes, plans, None, config=world)
+    if scenes.mask.ndim == 1:
+        drives = make_drives(robot, scenes.room, world.navigation)
+        return compiled_execute(robot, scenes, plans, drives, config=world)
+    rows = [jax.tree.map(lambda x, row=row: x[row], (scenes, plans)) for row in range(len(scenes.mask))]
+    return jax.tree.map(lambda *x: jnp.stack(x), *(judge(robot, *row, world) for row in rows))
+
+
 _compiled_jacobian = Stored(geometric_jacobian)
 
 
