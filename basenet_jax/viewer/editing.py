@@ -30,9 +30,9 @@ def pad(scene: NamedScene) -> NamedScene:
     """The scene on the host, with room for more objects: `FEW_OBJECTS` slots, or `MAX_OBJECTS` if it has more.
 
     Raises:
-        ValueError: it is a room, which the page can't show yet.
+        ValueError: it is a room of several boxes, which the page can't show yet.
     """
-    if scene.furniture is not None:
+    if scene.arrays.room.boxes.low.shape[-1] != 1:
         raise ValueError("format: found a room, the viewer shows scenes of one table; basenet_jax.plan plans rooms")
     count = len(scene.names)
     slots = FEW_OBJECTS if count <= FEW_OBJECTS else MAX_OBJECTS

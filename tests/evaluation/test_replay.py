@@ -69,7 +69,8 @@ def test_a_waypoint_out_of_place_is_found(referee, good_pick):
 def test_an_arm_in_the_table_is_found(robot, batch, good_pick):
     pose, joints, grasp = good_pick
     raised = jax.tree.map(lambda x: x[0], batch.room)
-    raised = dataclasses.replace(raised, height=jnp.array(float(grasp[2]) - 0.2))  # touches the gripper's end
+    top = np.float32(float(grasp[2]) - 0.2)  # touches the gripper's end
+    raised = Room.of_table(raised.table_half_size, top)
     assert PickReplay(robot, raised).broken_rule(pose, joints, grasp) == Reason.ARM_COLLIDES
 
 

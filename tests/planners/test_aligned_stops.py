@@ -10,7 +10,7 @@ from tests.compiled import base_collides
 TABLES = [Room.from_config(), Room.of_table(jnp.array([0.3, 0.9]), jnp.array(0.6))]
 
 
-@pytest.mark.parametrize("table", TABLES)
+@pytest.mark.parametrize("room", TABLES)
 def test_stops_are_as_near_to_the_table_as_is_allowed(robot, room):
     poses = aligned_poses(robot, room, AlignedConfig(step_m=0.25, gap_m=1e-3))
     assert not np.any(base_collides(robot, poses, room))

@@ -97,7 +97,7 @@ def test_planners_play_the_networks_that_the_file_describes(small, setup, monkey
     monkeypatch.setattr(basenet_paper, "choose_learned", lambda network, *_: played.append(network))
     monkeypatch.setattr(basenet_paper, "rollout", lambda *_: None)
     monkeypatch.setattr(basenet_paper, "as_plan", lambda _: np.zeros(1))
-    scene = compiled.draw_scene(0, 2, setup.table)
+    scene = compiled.draw_scene(0, 2, setup.room)
     BaSeNetPaper(setup, LearnedOptions(weights=file))(scene, jax.random.key(0))
     assert played == [GraspSequencePolicy(features=6, layers=2, attention=False)]
 
