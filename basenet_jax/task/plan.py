@@ -135,7 +135,8 @@ def judge(robot: Robot, scenes: Scene, plans: Plan, world: WorldConfig = WorldCo
         drives = make_drives(robot, scenes.room, world.navigation)
         return compiled_execute(robot, scenes, plans, drives, config=world)
     rows = [jax.tree.map(lambda x, row=row: x[row], (scenes, plans)) for row in range(len(scenes.mask))]
-    return jax.tree.map(lambda *x: jnp.stack(x), *(judge(robot, *row, world) for row in rows))
+    judged = (judge(robot, scene, plan, world) for scene, plan in rows)
+    return jax.tree.map(lambda *x: jnp.stack(x), *judged)
 
 
 _compiled_jacobian = Stored(geometric_jacobian)
