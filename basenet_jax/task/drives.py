@@ -127,9 +127,8 @@ def make_drives(robot: Robot, room: Room, config: NavigationConfig = NavigationC
     Raises:
         ValueError: drives of a point are asked for in a room of several boxes.
     """
-    count = room.boxes.low.shape[-1]
-    if config.drives == "point" and count != 1:
-        raise ValueError(f"drives: found point in a room of {count} boxes, allowed is docked (or one table)")
+    if config.drives == "point" and room.boxes.low.shape[-1] != 1:
+        raise ValueError("drives: found point in a room, allowed is docked; point goes round one table that is alone")
     if are_docked(room, config):
         host, concrete = jax.tree.map(np.asarray, jax.device_get((robot, room)))
         return DockedDrives(_roadmap(_Known(_base(host), host), _Known(fingerprint(room), concrete), config.docked))

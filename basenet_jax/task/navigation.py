@@ -98,9 +98,8 @@ def _seen_from_table(
     room: Room, start: Float[Array, "*batch 3"], goal: Float[Array, "*batch 3"]
 ) -> tuple[Vector, Vector]:
     """Both poses in the frame of the room's one box."""
-    count = room.boxes.low.shape[-1]
-    if count != 1:
-        raise ValueError(f"room: found {count} boxes; drives of a point go round one table, others need docked drives")
+    if room.boxes.low.shape[-1] != 1:
+        raise ValueError("room: found several boxes; drives of a point go round one table that is alone, others dock")
     p, q = (components(relative(jnp.asarray(room.boxes.pose[..., 0, :]), pose)) for pose in (start, goal))
     return p, q
 
