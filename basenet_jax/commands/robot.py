@@ -18,8 +18,9 @@ class Check:
 
     Reads the file and its model; compares forward kinematics and Jacobian with MuJoCo's; solves inverse kinematics
     for random poses in reach; and looks for base poses that serve random top-down grasps on the default table. Where
-    none is served, it tries other tool frames, mount heights, joint limits and shapes, and names what helps. Lengths in
-    m, times in s. Exit codes: 0 the robot can pick, 2 the file is refused, 3 it is read but can't be used as it is.
+    less than half is served, it tries other tool frames, mount heights, joint limits and shapes, and names what helps.
+    Lengths in m, times in s. Exit codes: 0 the robot can pick, 2 the file is refused, 3 it is read but can't be used
+    as it is, or serves less than a tenth.
     """
 
     robot: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="FILE")]

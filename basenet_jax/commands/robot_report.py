@@ -14,16 +14,16 @@ from basenet_jax.evaluation.robot_check import (
     find_causes,
     rest_faults,
     solved_share,
-    tool_tilt_degrees,
 )
 from basenet_jax.evaluation.servable import Served, random_grasps
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.reading import Source
+from basenet_jax.robot.set_up import tool_tilt_degrees
 from basenet_jax.task.picking import Reason
 from basenet_jax.world.boxes import Room
 
 _POOR_IK = 0.9
-_MOST_TILT = 90.0  # degrees
+_MANY, _FEW = 0.5, 0.1  # shares of grasps: with less served the causes are looked for; the robot is no use
 
 
 class Findings(NamedTuple):
@@ -55,13 +55,8 @@ def report(source: Source, grasps: int, seed: int) -> Findings:
     if not difference.is_small:
         faults.append(f"kinematics differ from MuJoCo's by {worst}: this is a fault of basenet_jax, please report it")
     with waiting.status("checking home and stow ..."):
-        faults += rest_faults(robot, room)
-    tilt = tool_tilt_degrees(robot)
-    console.print(f"at stow the tool's z is {tilt:.0f}° from straight down")
-    if tilt > _MOST_TILT:
-        faults.append(
-            f"tool frame: at stow its z points {tilt:.0f}° off straight down; it has to point out of the gripper"
-        )
+        faults += rest_faults(source, room)
+    console.print(f"at stow the tool's z is {tool_tilt_degrees(robot):.0f}° from straight down")
     with waiting.status("solving inverse kinematics ..."):
         solved = solved_share(robot, seed)
     console.print(f"inverse kinematics finds {100 * solved:.0f} % of random poses in reach")
@@ -71,9 +66,13 @@ def report(source: Source, grasps: int, seed: int) -> Findings:
         targets = random_grasps(robot, room, grasps, seed)
         served, speed = check_service(jax.device_put(robot), targets, room)
     _print_service(console, served, speed)
-    if not served.served.any():
-        with waiting.status("nothing is served: trying alternatives ..."):
-            faults += _causes(robot, targets, room, served)
+    if served.share < _MANY:
+        with waiting.status("little is served: trying alternatives ..."):
+            causes = _causes(robot, targets, room, served)
+        if served.share < _FEW:
+            faults += causes
+        else:
+            console.print("\n  ".join(causes))
     return Findings(faults, targets, served)
 
 
@@ -111,9 +110,10 @@ def _print_service(console: Console, served: Served, speed: float) -> None:
 
 
 def _causes(robot: Robot, grasps: np.ndarray, room: Room, served: Served) -> list[str]:
+    much = f"{100 * served.share:.0f} %" if served.served.any() else "nothing"
     causes = find_causes(jax.device_put(robot), grasps, room)
     if not causes:
         reason = Reason(int(np.bincount(served.farthest).argmax())).name.lower()
-        return [f"serves nothing ({reason}); no other tool frame, mount height, limit or shape alone would help"]
+        return [f"serves {much} ({reason}); no other tool frame, mount height, limit or shape alone would help"]
     lines = [f"{cause.what}: {100 * cause.share:.0f} % would be served" for cause in causes[:4]]
-    return ["serves nothing; likeliest cause first:", *lines]
+    return [f"serves {much}; likeliest cause first:", *lines]

@@ -3,7 +3,6 @@
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled module comes without type stubs.)
 
-import itertools
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -18,12 +17,15 @@ from basenet_jax.config import WorldConfig
 from basenet_jax.documents.fields import DocumentError
 from basenet_jax.evaluation.servable import Served, serve
 from basenet_jax.planners.aligned_stops import aligned_poses
+from basenet_jax.robot.fields import GRASP_DEPTH_M
 from basenet_jax.robot.ik import solve_ik
 from basenet_jax.robot.kinematics import forward_kinematics, geometric_jacobian
 from basenet_jax.robot.model import Robot
-from basenet_jax.robot.model_arm import find_frame
+from basenet_jax.robot.model_arm import find_frame, find_tool
 from basenet_jax.robot.reading import Source
-from basenet_jax.robot.rest import check_body, check_tables
+from basenet_jax.robot.rest import check_tables
+from basenet_jax.robot.set_up import set_up_faults
+from basenet_jax.robot.tool import axis_turns, tool_place
 from basenet_jax.task.arm_solutions import lattice
 from basenet_jax.world.boxes import Room, surface_top
 
@@ -48,7 +50,7 @@ class Difference(NamedTuple):
 
 
 class Cause(NamedTuple):
-    """A change of the robot that was tried because it serves nothing, and what that comes to."""
+    """A change of the robot that was tried because it serves little, and what that comes to."""
 
     what: str
     share: float  # of the grasps, served by the changed robot
@@ -69,7 +71,7 @@ def compare_with_mujoco(source: Source, seed: int = 0) -> Difference:
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         _, (base_rotation, base_position) = find_frame(model, data, "frames.arm_base", file.frames.arm_base)
-        body, (rotation, position) = find_frame(model, data, "frames.tool", file.frames.tool)
+        body, (rotation, position) = find_tool(model, data, tool_place(file))
         linear, angular = np.zeros((2, 3, model.nv))
         mujoco.mj_jac(model, data, linear, angular, position, body)
         columns = model.jnt_dofadr[ids]
@@ -92,22 +94,14 @@ def _solved(robot: Robot, joints: Float[Array, "N dof"]) -> Bool[Array, " N"]:
     return jnp.any(solve_ik(robot, position[:, None], rotation[:, None], seeds).converged, axis=1)
 
 
-def rest_faults(robot: Robot, room: Room, world: WorldConfig = WorldConfig()) -> list[str]:
-    """What home, stow and the move between them make the arm touch: the robot's body, or a surface from some place."""
-    faults, top = [], surface_top(room)
-    for check in (lambda: check_body(robot, world.pick), lambda: check_tables(robot, top, world.pick)):
-        try:
-            check()
-        except DocumentError as error:
-            faults.append(str(error))
+def rest_faults(source: Source, room: Room, world: WorldConfig = WorldConfig()) -> list[str]:
+    """What is wrong with the tool frame, and what home, stow and the move between them make the arm touch."""
+    faults = set_up_faults(source.file, source.robot, world.pick)
+    try:
+        check_tables(source.robot, surface_top(room), world.pick)
+    except DocumentError as error:
+        faults.append(str(error))
     return faults
-
-
-def tool_tilt_degrees(robot: Robot) -> float:
-    """Angle (degrees) between the tool's z at stow and straight down: 180 where it points up."""
-    _, rotation = jax.jit(forward_kinematics)(robot, jnp.asarray(robot.stow, jnp.float32))
-    up = (np.asarray(robot.mount_rotation) @ np.asarray(rotation))[2, 2]
-    return float(np.degrees(np.arccos(np.clip(-up, -1.0, 1.0))))
 
 
 def check_service(
@@ -123,31 +117,38 @@ def check_service(
 def find_causes(
     robot: Robot, grasps: Float[np.ndarray, "N 4"], room: Room, world: WorldConfig = WorldConfig()
 ) -> list[Cause]:
-    """Why a robot serves nothing: the single changes that make it serve something, the most helpful first.
+    """Why a robot serves little: the single changes that make it serve more, the most helpful first.
 
     Each is tried on a few grasps and base poses, in the program that is compiled already.
     """
     poses = aligned_poses(robot, room, pick=world.pick)[::_EVERY]
-    tried = [
-        Cause(what, serve(changed, grasps[:_FEWER_GRASPS], poses, room, world).share)
-        for what, changed in _alternatives(robot)
-    ]
-    return sorted((cause for cause in tried if cause.share > 0), key=lambda cause: -cause.share)
+
+    def share(robot: Robot) -> float:
+        return serve(robot, grasps[:_FEWER_GRASPS], poses, room, world).share
+
+    present = share(robot)
+    tried = [Cause(what, share(changed)) for what, changed in _alternatives(robot)]
+    return sorted((cause for cause in tried if cause.share > present), key=lambda cause: -cause.share)
 
 
 def _alternatives(robot: Robot) -> Iterator[tuple[str, Robot]]:
     """The robot changed in one way each, and the change in words."""
-    rotation = np.asarray(robot.tool_rotation)
-    for axis, sign in itertools.product(range(3), (1.0, -1.0)):
-        z = sign * np.eye(3)[axis]
-        if z[2] < 0.5:
-            x = np.eye(3)[(axis + 1) % 3]
-            turned = rotation @ np.stack([x, np.cross(z, x), z], axis=1)
-            name = f"{'-' if sign < 0 else ''}{'xyz'[axis]}"
+    rotation, position = np.asarray(robot.tool_rotation), np.asarray(robot.tool_position)
+    tried = [np.eye(3)]
+    for turn, change in axis_turns().items():
+        # A gripper that is turned by pi about its z is the same.
+        if not any(
+            np.array_equal(np.abs(change.T @ other), np.eye(3)) and change[:, 2] @ other[:, 2] > 0 for other in tried
+        ):
+            tried.append(change)
             yield (
-                f"tool frame: with its z along its present {name} (z has to point out of the flange)",
-                robot.replace(tool_rotation=turned),
+                f"tool frame: turned by rotation_rpy_degrees: {list(turn)} (its z has to point out of the gripper)",
+                robot.replace(tool_rotation=rotation @ change),
             )
+    yield (
+        "tool frame: with grasp_depth: 0 (the tool frame is where the fingers meet)",
+        robot.replace(tool_position=position - GRASP_DEPTH_M * rotation[:, 2]),
+    )
     for rise in _RISES_M:
         position = np.asarray(robot.mount_position) + np.array([0.0, 0.0, rise])
         yield (

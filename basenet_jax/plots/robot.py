@@ -8,11 +8,14 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 
 from basenet_jax.plots.drawing import draw_room, rectangle
+from basenet_jax.robot.fields import GRASP_DEPTH_M
 from basenet_jax.robot.model import Robot
+from basenet_jax.robot.posture import link_frames
 from basenet_jax.world.boxes import Room
 
 _AXES = ("#D55E00", "#009E73", "#0072B2")  # x, y, z of frames
 _BODY, _ARM, _TOOL_M = "#1B3A5C", "#8C8C8C", 0.12
+_GRIPPER = "#CC79A7"
 _YES, _NO = "#009E73", "#B00020"
 _VIEWS = (("from the side", 0, 2), ("from above", 0, 1), ("from the front", 1, 2))  # title, axes across and up
 
@@ -36,9 +39,12 @@ def plot_robot(robot: Robot) -> Figure:
         Line2D([], [], color=color, lw=2, label=f"{axis} of a frame") for axis, color in zip("xyz", _AXES, strict=True)
     ]
     handles += [Line2D([], [], color=_ARM, lw=6, alpha=0.5, label="shapes that are tested")]
+    handles += [
+        Line2D([], [], color=_GRIPPER, marker="v", ms=6, lw=1.5, ls=":", label="gripper, to where fingers meet")
+    ]
     handles += [Line2D([], [], color="black", marker="o", ms=4, lw=1, label="joints")]
     handles += [Line2D([], [], color=_BODY, lw=1.5, label="body box, deck (dashed)")]
-    figure.legend(handles=handles, loc="outside lower center", ncols=6, frameon=False)
+    figure.legend(handles=handles, loc="outside lower center", ncols=7, frameon=False)
     figure.suptitle(f"{robot.name}: the tool's z has to point out of the gripper, down at stow")
     return figure
 
@@ -65,27 +71,6 @@ def plot_service(
     return figure
 
 
-def link_frames(robot: Robot, joints: Float[np.ndarray, " dof"]) -> Float[np.ndarray, "frames 4 4"]:
-    """The arm's base, each link's frame and the tool's, in the base frame."""
-    frames = [_matrix(robot.mount_rotation, robot.mount_position)]
-    for index, joint in enumerate(joints):
-        step = _matrix(robot.joint_rotation[index], robot.joint_position[index])
-        motion = np.eye(4)
-        if robot.prismatic[index]:
-            motion[2, 3] = joint
-        else:
-            cosine, sine = np.cos(joint), np.sin(joint)
-            motion[:2, :2] = [[cosine, -sine], [sine, cosine]]
-        frames.append(frames[-1] @ step @ motion)
-    return np.stack([*frames, frames[-1] @ _matrix(robot.tool_rotation, robot.tool_position)])
-
-
-def _matrix(rotation, position) -> np.ndarray:
-    result = np.eye(4)
-    result[:3, :3], result[:3, 3] = np.asarray(rotation), np.asarray(position)
-    return result
-
-
 def _draw_body(axes: Axes, robot: Robot, across: int, up: int) -> None:
     center, half = np.asarray(robot.body_center), np.asarray(robot.body_half_size)
     box = rectangle((center[across], center[up], 0.0), (half[across], half[up]))
@@ -108,6 +93,9 @@ def _draw_arm(axes: Axes, robot: Robot, frames: np.ndarray, across: int, up: int
         _draw_axis(axes, frame, 2, pick, 0.5 * _TOOL_M)
     for axis in range(3):
         _draw_axis(axes, frames[-1], axis, pick, _TOOL_M)
+    origin, fingers = frames[-1, :3, 3], frames[-1, :3, 3] + GRASP_DEPTH_M * frames[-1, :3, 2]
+    axes.plot(*np.stack([origin, fingers])[:, pick].T, color=_GRIPPER, lw=1.5, ls=":", zorder=5)
+    axes.plot(*fingers[pick], color=_GRIPPER, marker="v", ms=6, zorder=6)
     axes.autoscale_view()
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from basenet_jax.robot.fields import RobotFile
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.model_arm import Arm, Capsule
+from basenet_jax.robot.tool import from_rpy_degrees
 
 _WHOLE_TURN = 2.0 * math.pi  # either way, for a turning joint without limits
 
@@ -30,7 +31,7 @@ def build_robot(file: RobotFile, model: mujoco.MjModel, arm: Arm) -> Robot:
     leaves: dict[str, Any] = {
         **_arm_leaves(arm, model, tested),
         **_joint_leaves(file, sliding),
-        "mount_rotation": _from_rpy(np.radians(file.mount.rpy_degrees)),
+        "mount_rotation": from_rpy_degrees(file.mount.rpy_degrees),
         "mount_position": np.array(file.mount.position),
         "body_center": np.array(body.center),
         "body_half_size": np.array(body.size) / 2,
@@ -75,11 +76,3 @@ def _joint_leaves(file: RobotFile, sliding: tuple[bool, ...]) -> dict[str, np.nd
         "home": np.array(file.home_degrees) * unit,
         "stow": np.array(file.stow_degrees) * unit,
     }
-
-
-def _from_rpy(angles: np.ndarray) -> np.ndarray:
-    """Rz(yaw) Ry(pitch) Rx(roll), exact where an angle is 0."""
-    (sr, sp, sy), (cr, cp, cy) = np.sin(angles), np.cos(angles)
-    roll = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])
-    pitch = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])
-    return np.array([[cy, -sy, 0.0], [sy, cy, 0.0], [0.0, 0.0, 1.0]]) @ pitch @ roll

@@ -2,11 +2,12 @@
 
 from typing import Annotated
 
-from msgspec import Meta, Struct, field
+from msgspec import UNSET, Meta, Struct, UnsetType, field
 
 FORMAT = "basenet-robot/1"
 MIN_JOINTS, MAX_JOINTS = 6, 7
 MAX_CAPSULES = 64
+GRASP_DEPTH_M = 0.25  # of the frame that objects' grasps are given for: so far before it fingers meet
 DRIVES = ("differential", "omnidirectional")  # turn, drive, turn; or in any direction with the heading kept
 
 # Bounds that any mobile manipulator keeps, and that a wrong unit breaks: millimetres, degrees per second.
@@ -16,6 +17,8 @@ _Speed = Annotated[float, Meta(ge=0.01, le=20)]
 _Acceleration = Annotated[float, Meta(ge=0.01, le=200)]
 _BaseRate = Annotated[float, Meta(ge=0.01, le=10)]
 _Degrees = Annotated[float, Meta(ge=-720, le=720)]
+_Depth = Annotated[float, Meta(ge=0, le=0.6)]
+_Tilt = Annotated[float, Meta(ge=0, le=180)]
 _Radius = Annotated[float, Meta(ge=0.001, le=0.5)]
 _Joints = Meta(min_length=MIN_JOINTS, max_length=MAX_JOINTS)
 _Point = tuple[_Position, _Position, _Position]
@@ -25,7 +28,19 @@ class FramesFields(Struct, forbid_unknown_fields=True):
     """Names of sites or bodies (links) of the model."""
 
     arm_base: str
-    tool: str
+    tool: str | UnsetType = UNSET  # or tool.frame
+
+
+class ToolFields(Struct, forbid_unknown_fields=True):
+    """The tool frame from a frame of the model: its z has to point out of the gripper.
+
+    It lies at `offset` (m, along the model's frame) and is turned by roll, pitch, yaw as in URDF. A rotation that is
+    given, were it by nothing, is the owner's word for where the gripper points.
+    """
+
+    frame: str | UnsetType = UNSET  # or frames.tool
+    rotation_rpy_degrees: tuple[_Degrees, _Degrees, _Degrees] | UnsetType = UNSET
+    offset: _Point = (0.0, 0.0, 0.0)
 
 
 class MountFields(Struct, forbid_unknown_fields=True):
@@ -88,6 +103,9 @@ class RobotFile(Struct, forbid_unknown_fields=True, kw_only=True):
     joint_acceleration: Annotated[list[_Acceleration], _Joints]
     home_degrees: Annotated[list[_Degrees], _Joints]
     stow_degrees: Annotated[list[_Degrees], _Joints]
+    stow_tilt_degrees: _Tilt = 0.0  # by how much the tool's z is off straight down at stow
+    tool: ToolFields = field(default_factory=ToolFields)
+    grasp_depth: _Depth = GRASP_DEPTH_M  # from the tool frame along its z to where the fingers meet
     mount: MountFields
     base: BaseFields
     deck: DeckFields
@@ -105,7 +123,7 @@ ALLOWED = {
     "format": f"is {FORMAT!r}",
     "name": "is a text",
     "model": "is the path of an MJCF or URDF file in the robot file's folder",
-    "frames": "is a mapping of arm_base and tool",
+    "frames": "is a mapping of arm_base and tool (or tool.frame)",
     "frames.arm_base": "is the name of a site or body (link) of the model",
     "frames.tool": "is the name of a site or body (link) of the model",
     "joints": f"is a list of {_COUNT} joint names, from arm base to tool",
@@ -120,6 +138,14 @@ ALLOWED = {
     "home_degrees[]": _ANGLE,
     "stow_degrees": f"is a list of {_COUNT} numbers, one for each joint",
     "stow_degrees[]": _ANGLE,
+    "stow_tilt_degrees": "is a number from 0 to 180: how far the tool's z is from straight down at stow",
+    "tool": "is a mapping of frame, rotation_rpy_degrees and offset, or no such key",
+    "tool.frame": "is the name of a site or body (link) of the model, or no such key beside frames.tool",
+    "tool.rotation_rpy_degrees": "is [roll, pitch, yaw], three numbers (degrees)",
+    "tool.rotation_rpy_degrees[]": "is a number from -720 to 720 (degrees)",
+    "tool.offset": _POINT,
+    "tool.offset[]": _LENGTH,
+    "grasp_depth": "is a number from 0 to 0.6 (m): from the tool frame to where the fingers meet",
     "mount": "is a mapping of position and, if turned, rpy_degrees",
     "mount.position": _POINT,
     "mount.position[]": _LENGTH,

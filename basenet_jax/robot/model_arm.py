@@ -14,6 +14,7 @@ import numpy as np
 from basenet_jax.documents.fields import DocumentError, describe, field_error
 from basenet_jax.robot.capsule_fit import Fit, box_points, fit_capsule
 from basenet_jax.robot.model_text import ModelText
+from basenet_jax.robot.tool import ToolPlace
 
 Transform = tuple[np.ndarray, np.ndarray]  # rotation, position
 
@@ -79,21 +80,21 @@ def _mesh_bytes(text: ModelText, name: str) -> bytes:
     )
 
 
-def read_arm(model: mujoco.MjModel, *, joints: list[str], arm_base: str, tool: str) -> Arm:
+def read_arm(model: mujoco.MjModel, *, joints: list[str], arm_base: str, tool: ToolPlace) -> Arm:
     """Reads an arm at the zero configuration.
 
     Args:
         model: of `compile_model`.
         joints: names from the arm's base to its tool.
         arm_base: name of a site or body.
-        tool: likewise.
+        tool: the frame that grasps are given for.
 
     Raises:
         DocumentError: something is missing or of the wrong kind; the message names the robot file's field.
     """
     data = mujoco.MjData(model)
     base_body, base = find_frame(model, data, "frames.arm_base", arm_base)
-    tool_body, _ = find_frame(model, data, "frames.tool", tool)
+    tool_body, _ = find_tool(model, data, tool)
     joint_ids = _check_joints(model, joints, _joints_between(model, base_body, tool_body, arm_base, tool))
     data.qpos[model.jnt_qposadr[joint_ids]] = 0.0
     mujoco.mj_kinematics(model, data)
@@ -103,7 +104,7 @@ def read_arm(model: mujoco.MjModel, *, joints: list[str], arm_base: str, tool: s
     return Arm(
         joint_ids=joint_ids,
         steps=[between(before, after) for before, after in itertools.pairwise(frames)],
-        tool=between(frames[-1], find_frame(model, data, "frames.tool", tool)[1]),
+        tool=between(frames[-1], find_tool(model, data, tool)[1]),
         capsules=capsules,
     )
 
@@ -124,6 +125,16 @@ def find_frame(model: mujoco.MjModel, data: mujoco.MjData, field: str, name: str
     raise field_error(field, describe(name), f"are the model's sites and bodies: {_listed(names)}")
 
 
+def find_tool(model: mujoco.MjModel, data: mujoco.MjData, tool: ToolPlace) -> tuple[int, Transform]:
+    """The body that carries the tool frame, and that frame in the world.
+
+    Raises:
+        DocumentError: the model has no frame of that name.
+    """
+    body, (rotation, position) = find_frame(model, data, tool.field, tool.frame)
+    return body, (rotation @ tool.rotation, rotation @ tool.position + position)
+
+
 def between(parent: Transform, child: Transform) -> Transform:
     """The child's rotation and position in its parent, both given in one frame."""
     return parent[0].T @ child[0], parent[0].T @ (child[1] - parent[1])
@@ -134,14 +145,14 @@ def _listed(names: list[str]) -> str:
     return ", ".join(names[:20]) + (f" and {len(names) - 20} more" if len(names) > 20 else "") if names else "none"
 
 
-def _joints_between(model: mujoco.MjModel, base: int, tool: int, arm_base: str, tool_name: str) -> list[int]:
+def _joints_between(model: mujoco.MjModel, base: int, tool_body: int, arm_base: str, tool: ToolPlace) -> list[int]:
     """All joints that move the tool against the arm's base, from the base on."""
     found: list[int] = []
-    body = tool
+    body = tool_body
     while body != base:
         if body == 0:
             allowed = f"is a frame that {describe(arm_base)} carries"
-            raise field_error("frames.tool", f"{describe(tool_name)}, which it doesn't", allowed)
+            raise field_error(tool.field, f"{describe(tool.frame)}, which it doesn't", allowed)
         first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
         found = [*range(first, first + count), *found]
         body = int(model.body_parentid[body])

@@ -23,9 +23,10 @@ from basenet_jax.robot.fields import ALLOWED, FORMAT, RobotFile
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.model_arm import Arm, Capsule, between, compile_model, find_frame, read_arm
 from basenet_jax.robot.model_text import read_model_text
-from basenet_jax.robot.rest import check_body
 from basenet_jax.robot.robot_checks import check_file, check_model_path, check_robot
 from basenet_jax.robot.robot_mjcf import write_mjcf
+from basenet_jax.robot.set_up import set_up_faults
+from basenet_jax.robot.tool import tool_place
 
 DEFAULT_ROBOT = "ur5e_mobile"
 SUFFIXES = (".yaml", ".yml", ".json")
@@ -91,11 +92,9 @@ def _load_packaged(name: str) -> Robot:
 
 
 def _usable(source: Source, reference: str | os.PathLike[str]) -> Robot:
-    """The robot, if it can be used: its arm rests clear of its body."""
-    try:
-        check_body(source.robot)
-    except DocumentError as error:
-        raise RobotFileError(f"{reference}: {error}") from None
+    """The robot, if it can be used: its tool points down over the deck at stow, and its arm rests clear of its body."""
+    for fault in set_up_faults(source.file, source.robot):
+        raise RobotFileError(f"{reference}: {fault}")
     return source.robot
 
 
@@ -156,7 +155,7 @@ def read_source(path: str | os.PathLike[str], *, packaged: bool = False) -> Sour
         folder = path.resolve().parent
         text = read_model_text(check_model_path(file.model, folder), folder)
         model = compile_model(text, with_shapes=not file.capsules)
-        arm = read_arm(model, joints=file.joints, arm_base=file.frames.arm_base, tool=file.frames.tool)
+        arm = read_arm(model, joints=file.joints, arm_base=file.frames.arm_base, tool=tool_place(file))
         if file.capsules:
             arm = arm._replace(capsules=_own_capsules(file, model, arm))
         robot = build_robot(file, model, arm)

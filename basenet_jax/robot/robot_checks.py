@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from msgspec import UnsetType
 
 from basenet_jax.documents.fields import describe, field_error
 from basenet_jax.documents.text_files import inside
@@ -16,6 +17,8 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 _REACH_M = (0.2, 4.0)  # of the stretched arm
 _MOST_RADIUS_M = 0.5
 _CALIBRATION = 0.02  # m and rad: what a calibrated arm's frames may differ from the nominal ones
+_ROUND_ANGLE, _ROUNDED = np.pi / 12, 2e-3  # rad: to how many digits people write them
+_OVERHANG_M, _MOUNT_OVERHANG_M = 0.05, 0.2
 _LIMIT_TOLERANCE = 1e-6  # rad or m: files round
 
 
@@ -45,6 +48,38 @@ def check_file(file: RobotFile, taken: Sequence[str]) -> None:
     for name in ("joint_speed", "joint_acceleration", "home_degrees", "stow_degrees"):
         if len(values := getattr(file, name)) != len(file.joints):
             raise field_error(name, f"{len(values)} values", f"is one for each of the {len(file.joints)} joints")
+    _check_rotations(file)
+    _check_places(file)
+
+
+def _check_rotations(file: RobotFile) -> None:
+    """That roll, pitch and yaw aren't in radians: multiples of 15 degrees are what people write."""
+    for name, angles in (
+        ("mount.rpy_degrees", file.mount.rpy_degrees),
+        ("tool.rotation_rpy_degrees", file.tool.rotation_rpy_degrees),
+    ):
+        for index, angle in enumerate(() if isinstance(angles, UnsetType) else angles):
+            steps = round(angle / _ROUND_ANGLE)
+            if 0 < abs(steps) <= 24 and abs(angle - steps * _ROUND_ANGLE) < _ROUNDED:
+                allowed = f"are degrees: {15 * steps:g}, if these are radians"
+                raise field_error(f"{name}[{index}]", f"{angle:g}", allowed)
+
+
+def _check_places(file: RobotFile) -> None:
+    """That body, deck and arm are on the base: where the footprint is, nothing else is, for drives."""
+    half = np.array(file.base.footprint) / 2
+
+    def beyond(center: Sequence[float], size: Sequence[float]) -> float:
+        return float(np.max(np.abs(center[:2]) + np.array(size[:2]) / 2 - half))
+
+    allowed = "is within {:g} m of base.footprint, a rectangle about the base frame's origin"
+    for name, place, most in (
+        ("base.body", beyond(file.base.body.center, file.base.body.size), _OVERHANG_M),
+        ("deck", beyond(file.deck.center, file.deck.size), _OVERHANG_M),
+        ("mount.position", beyond(file.mount.position, (0.0, 0.0)), _MOUNT_OVERHANG_M),
+    ):
+        if place > most:
+            raise field_error(name, f"a place {place:.2f} m beyond the base's footprint", allowed.format(most))
 
 
 def check_model_path(model: str, folder: Path) -> Path:

@@ -106,7 +106,7 @@ FIELDS = [
     (("model",), "../ur5e.xml", "model: found '../ur5e.xml', allowed are paths of files in the robot file's folder"),
     (("model",), "/etc/passwd", "model: found '/etc/passwd', allowed are paths of files in the robot file's folder"),
     (("frames", "tool"), "nothing", "frames.tool: found 'nothing', allowed are the model's sites and bodies: 'tool0',"),
-    (("frames", "tool"), None, "frames.tool: found nothing, allowed is the name of a site or body"),
+    (("frames", "tool"), None, "frames.tool: found nothing, and no tool.frame, allowed is the name of a"),
     (("frames", "arm_base"), "link6", "joints[0]: found 'shoulder_pan', allowed are all joints from arm base to tool"),
     (("frames",), {"arm_base": "link3", "tool": "link2"}, "frames.tool: found 'link2', which it doesn't, allowed is"),
     (("joints",), [*JOINTS[:5], "knee"], "joints[5]: found 'knee', allowed are all joints from arm base to tool, in o"),
