@@ -245,7 +245,8 @@ def export_plan(
         scene: one scene.
         plan: of that scene.
         directory: new or empty; the folder above must be there.
-        table_pose: x, y (m) and yaw (rad) of the table's frame in the map that the robot navigates in.
+        table_pose: x, y (m) and yaw (rad) of the table's frame in the map that the robot navigates in. A room's poses
+            are in its own frame, the map's.
         map_frame: the name of that map's frame.
         formats: yaml for `plan.yaml`, csv for `execution.csv`, bag for a ROS 2 bag (which needs the extra `ros`).
         robot: as for `execute`.
@@ -253,7 +254,7 @@ def export_plan(
 
     Raises:
         ValueError: (`exports.ExportError`) the folder isn't empty, a format is unknown or lacks its package, the pose
-            isn't finite, or no step is feasible. Nothing is written.
+            isn't finite or beside a room's map, or no step is feasible. Nothing is written.
         OSError: something can't be written; then nothing is.
     """
     from basenet_jax.exports import export  # most plans are not exported

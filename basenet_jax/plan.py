@@ -51,7 +51,8 @@ class Arguments(PlannerArguments):
     export_format: tuple[Literal["yaml", "csv", "bag"], ...] = ("yaml", "csv", "bag")
     """yaml: the messages as text; csv: states over time; bag: of ROS 2 (needs the extra ros, but no ROS)."""
     table_pose: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """For the export: x, y (m) and yaw (degrees) of the table frame in the map that the robot navigates in."""
+    """For the export: x, y (m) and yaw (degrees) of the table frame in the map that the robot navigates in; a room's
+    own frame is the map's."""
     map_frame: str = "map"
     """For the export: the name of that map's frame."""
     video: Path | None = None
@@ -91,6 +92,7 @@ def _plan(options: Arguments, world: WorldConfig) -> int:
     from basenet_jax.api import make_planner
     from basenet_jax.commands.plan_outputs import Wanted, check_outputs
     from basenet_jax.compilation import enable_cache
+    from basenet_jax.exports import check_table_pose
     from basenet_jax.planners.protocol import PlanningError
     from basenet_jax.planners.timed import plan_timed
     from basenet_jax.world.scene_file import load_scene
@@ -99,6 +101,7 @@ def _plan(options: Arguments, world: WorldConfig) -> int:
     try:
         check_outputs(Wanted.by(options))
         scene = load_scene(options.scene, robot=options.robot)
+        check_table_pose(scene, options.table_pose)
         if scene.written_for:
             print(f"basenet_jax.plan: {options.scene} names the robot {scene.written_for}, not this", file=sys.stderr)
         if scene.furniture is not None and scene.furniture.clutter:

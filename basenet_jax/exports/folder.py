@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import UNSET
 
 from basenet_jax.atomic import write_atomically, write_folder_atomically
 from basenet_jax.config import ExportConfig, WorldConfig
@@ -66,6 +67,23 @@ def check_export(name: str, directory: str | os.PathLike[str], formats: Sequence
         raise ExportError(f"{name}: found {path}, which can't be written, allowed is a folder that can")
 
 
+def check_table_pose(scene: NamedScene, table_pose: tuple[float, float, float]) -> None:
+    """Whether a pose of the table's frame in the map means something.
+
+    Args:
+        scene: a table's or a room.
+        table_pose: x, y, yaw.
+
+    Raises:
+        ExportError: it isn't finite, or the scene is a room with a map, whose frame the poses are in already.
+    """
+    if not all(math.isfinite(number) for number in table_pose):
+        raise ExportError(f"table pose: found {list(table_pose)}, allowed are finite numbers")
+    if scene.furniture is not None and scene.furniture.map is not UNSET and any(table_pose):
+        found = f"table pose: found {list(table_pose)} for a room with a map"
+        raise ExportError(f"{found}, allowed is none: its poses are in the map's frame")
+
+
 def export(
     robot: Robot,
     scene: NamedScene,
@@ -87,19 +105,18 @@ def export(
         plan: of that scene.
         outcome: of executing it.
         directory: of the files; the folder above must be there.
-        table_pose: x, y (m) and yaw (rad) of the table's frame in the map.
+        table_pose: x, y (m) and yaw (rad) of W, the table's frame, in the map; a room's W is the map itself.
         map_frame: the map's name.
         formats: yaml, csv, bag.
         config: of sampling.
         world: of drives and the pick cycle.
 
     Raises:
-        ExportError: see `check_export`; or the table's pose isn't finite, or no step is feasible.
+        ExportError: see `check_export` and `check_table_pose`; or no step is feasible.
         OSError: something can't be written.
     """
     check_export("directory", directory, formats)
-    if not all(math.isfinite(number) for number in table_pose):
-        raise ExportError(f"table pose: found {list(table_pose)}, allowed are finite numbers")
+    check_table_pose(scene, table_pose)
     left_out = {
         scene.names[int(plan.object_index[step])]: str(reason_name(outcome.reason[step]))
         for step in np.flatnonzero(np.asarray(outcome.is_step & ~outcome.feasible))

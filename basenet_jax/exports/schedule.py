@@ -1,6 +1,6 @@
-"""What a robot is told to do and when: base goals, arm trajectories and gripper commands, in order of time.
+"""What a robot is told to do and when: drives, arm trajectories and gripper commands, in order of time.
 
-Poses are in the frame that the robot navigates in, called map here, in which the table has a pose.
+Poses are in the frame that the robot navigates in, called map here, in which W has a pose: a room's W is the map.
 """
 
 import dataclasses
@@ -14,9 +14,12 @@ from jaxtyping import Float
 
 from basenet_jax.config import ExportConfig, WorldConfig
 from basenet_jax.robot.model import Robot
+from basenet_jax.task.manoeuvre import Leg, Manoeuvre
 from basenet_jax.task.motion import Doing, Motion, plan_motion
 from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.world.scene import NamedScene
+
+Pose = tuple[float, float, float]  # x, y (m), yaw (rad)
 
 NANOSECONDS = 1_000_000_000
 BASE = (Doing.TURN, Doing.DRIVE)
@@ -34,14 +37,33 @@ class Trajectory:
 
 
 @dataclass(frozen=True)
+class Stretch:
+    """A leg of a drive, on the map."""
+
+    time_ns: int  # since the plan's beginning
+    duration_ns: int
+    goal: Pose
+    leg: Leg
+
+
+@dataclass(frozen=True)
+class Drive:
+    """To where the robot parks next."""
+
+    staging: Pose  # from where it goes straight to the goal, in the goal's yaw; the goal itself if it turns there last
+    goal: Pose
+    legs: tuple[Stretch, ...]
+
+
+@dataclass(frozen=True)
 class Command:
-    """One thing to do: exactly one of `goal`, `trajectory` and `gripper` is there."""
+    """One thing to do: exactly one of `drive`, `trajectory` and `gripper` is there."""
 
     time_ns: int  # since the plan's beginning
     duration_ns: int
     object: str  # name of the object that it is for
     doing: str
-    goal: tuple[float, float, float] | None = None  # base pose x, y (m), yaw (rad) in the map
+    drive: Drive | None = None
     trajectory: Trajectory | None = None
     gripper: str | None = None  # "close" or "open"
 
@@ -54,8 +76,8 @@ class Schedule:
     joint_names: tuple[str, ...]
     prismatic: tuple[bool, ...]
     map_frame: str
-    table_pose: tuple[float, float, float]  # x, y (m), yaw (rad) in the map
-    motion: Motion  # in the table frame
+    table_pose: Pose  # of W in the map
+    motion: Motion  # in W
     objects: tuple[str, ...]  # name of the object of each step of the plan
     commands: tuple[Command, ...]
 
@@ -71,7 +93,7 @@ def make_schedule(
     plan: Plan,
     outcome: Outcome,
     *,
-    table_pose: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    table_pose: Pose = (0.0, 0.0, 0.0),
     map_frame: str = "map",
     config: ExportConfig = ExportConfig(),
     world: WorldConfig = WorldConfig(),
@@ -83,7 +105,7 @@ def make_schedule(
         scene: one scene.
         plan: of that scene.
         outcome: of executing it.
-        table_pose: x, y (m) and yaw (rad) of the table's frame in the map.
+        table_pose: x, y (m) and yaw (rad) of W in the map.
         map_frame: the map's name.
         config: of sampling.
         world: of drives and the pick cycle.
@@ -104,10 +126,8 @@ def make_schedule(
     )
 
 
-def in_map(
-    pose: Float[np.ndarray, "*batch 3"], table_pose: tuple[float, float, float]
-) -> Float[np.ndarray, "*batch 3"]:
-    """Base poses (x, y, heading) in the table's frame as poses in the map, their yaw in [-pi, pi]."""
+def in_map(pose: Float[np.ndarray, "*batch 3"], table_pose: Pose) -> Float[np.ndarray, "*batch 3"]:
+    """Base poses (x, y, heading) in W as poses in the map, their yaw in [-pi, pi]."""
     x, y, yaw = table_pose
     cosine, sine = np.cos(yaw), np.sin(yaw)
     rotation = np.array([[cosine, -sine], [sine, cosine]])
@@ -116,18 +136,14 @@ def in_map(
     return np.concatenate([place, np.arctan2(np.sin(turned), np.cos(turned))[..., None]], axis=-1)
 
 
-def _commands(
-    motion: Motion, objects: tuple[str, ...], table_pose: tuple[float, float, float], config: ExportConfig
-) -> Iterator[Command]:
+def _commands(motion: Motion, objects: tuple[str, ...], table_pose: Pose, config: ExportConfig) -> Iterator[Command]:
     for _, group in itertools.groupby(range(len(motion.parts)), lambda key: _one_command(motion, key)):
         keys = list(group)
-        first, last = keys[0], keys[-1]
-        part = motion.parts[first]
-        begin, end = (int(_nanoseconds(motion.time[key])) for key in (first, last + 1))
-        command = Command(begin, end - begin, objects[part.step], str(part.doing))
+        first, part = keys[0], motion.parts[keys[0]]
+        begin, duration = _span(motion, first, keys[-1])
+        command = Command(begin, duration, objects[part.step], str(part.doing))
         if part.doing in BASE:
-            x, y, yaw = in_map(motion.base_pose[last + 1], table_pose).tolist()
-            yield dataclasses.replace(command, doing=str(Doing.DRIVE), goal=(x, y, yaw))
+            yield dataclasses.replace(command, doing=str(Doing.DRIVE), drive=_drive(motion, keys, table_pose))
         elif part.doing in _GRIPPER:
             yield dataclasses.replace(command, gripper=_GRIPPER[part.doing])
         else:
@@ -138,6 +154,24 @@ def _one_command(motion: Motion, key: int) -> int:
     """Equal for parts that one command stands for: all turns and drives to one base pose."""
     part = motion.parts[key]
     return -1 - part.step if part.doing in BASE else key
+
+
+def _drive(motion: Motion, keys: list[int], table_pose: Pose) -> Drive:
+    legs = {key: leg for key in keys if (leg := motion.parts[key].leg)}
+    staging = Manoeuvre(tuple(legs.values())).staging_pose
+    assert staging is not None  # a drive has legs
+
+    def on_map(pose: Float[np.ndarray, "3"]) -> Pose:
+        return tuple(in_map(pose, table_pose).tolist())
+
+    stretches = (Stretch(*_span(motion, key, key), on_map(leg.after), leg) for key, leg in legs.items())
+    return Drive(on_map(staging), on_map(motion.base_pose[keys[-1] + 1]), tuple(stretches))
+
+
+def _span(motion: Motion, first: int, last: int) -> tuple[int, int]:
+    """When a part begins, and how long it takes to the end of the last one (ns)."""
+    begin, end = (int(_nanoseconds(motion.time[key])) for key in (first, last + 1))
+    return begin, end - begin
 
 
 def _trajectory(motion: Motion, key: int, config: ExportConfig) -> Trajectory:

@@ -5,13 +5,15 @@ from typing import Any
 import numpy as np
 import yaml
 
-from basenet_jax.exports.schedule import NANOSECONDS, Command, Schedule, Trajectory
+from basenet_jax.exports.schedule import NANOSECONDS, Command, Drive, Pose, Schedule, Stretch, Trajectory
 
 FORMAT = "basenet-execution/1"
+TURN = "turn"  # in place of a gear
 
 _HEAD = f"""\
-# {FORMAT}: commands in order of time. base_goal is a geometry_msgs/PoseStamped, arm_trajectory a
-# trajectory_msgs/JointTrajectory, gripper close or open. m, rad and s; every stamp is the time since the beginning.
+# {FORMAT}: commands in order of time. staging_pose and base_goal are geometry_msgs/PoseStamped, arm_trajectory is a
+# trajectory_msgs/JointTrajectory, gripper close or open. A drive's legs are turns on the spot (rad, counter-clockwise)
+# and straight pieces (m) in their gear. m, rad and s; every stamp is the time since the beginning.
 """
 _DECIMALS = 9
 
@@ -40,13 +42,8 @@ def _command(command: Command, schedule: Schedule) -> dict[str, Any]:
         "object": command.object,
         "doing": command.doing,
     }
-    if command.goal:
-        x, y, yaw = command.goal
-        position = {"x": round(x, _DECIMALS), "y": round(y, _DECIMALS), "z": 0.0}
-        turn = np.round([np.sin(yaw / 2), np.cos(yaw / 2)], _DECIMALS).tolist()
-        orientation = {"x": 0.0, "y": 0.0, "z": turn[0], "w": turn[1]}
-        header = {"stamp": _time(command.time_ns), "frame_id": schedule.map_frame}
-        return head | {"base_goal": {"header": header, "pose": {"position": position, "orientation": orientation}}}
+    if command.drive:
+        return head | _drive(command.time_ns, command.drive, schedule.map_frame)
     if command.trajectory:
         header = {"stamp": _time(command.time_ns), "frame_id": ""}
         points = _points(command.trajectory)
@@ -55,9 +52,41 @@ def _command(command: Command, schedule: Schedule) -> dict[str, Any]:
     return head | {"gripper": command.gripper}
 
 
+def _drive(time_ns: int, drive: Drive, frame: str) -> dict[str, Any]:
+    return {
+        "staging_pose": _stamped(time_ns, drive.staging, frame),
+        "base_goal": _stamped(time_ns, drive.goal, frame),
+        "legs": [_leg(each) for each in drive.legs],
+    }
+
+
+def _leg(stretch: Stretch) -> dict[str, Any]:
+    leg, time = stretch.leg, {"at_s": stretch.time_ns / NANOSECONDS, "lasts_s": stretch.duration_ns / NANOSECONDS}
+    to = dict(zip(["x", "y", "yaw"], _rounded(*stretch.goal), strict=True))
+    if leg.gear is None:
+        return time | {"gear": TURN, "turn": round(leg.turn, _DECIMALS), "to": to}
+    askew = {"direction": round(leg.direction, _DECIMALS)} if leg.direction else {}
+    return time | {"gear": str(leg.gear), "straight": round(leg.straight, _DECIMALS), **askew, "to": to}
+
+
+def _stamped(time_ns: int, pose: Pose, frame: str) -> dict[str, Any]:
+    x, y, z, w = _rounded(*pose[:2], np.sin(pose[2] / 2), np.cos(pose[2] / 2))
+    return {
+        "header": {"stamp": _time(time_ns), "frame_id": frame},
+        "pose": {
+            "position": {"x": x, "y": y, "z": 0.0},
+            "orientation": {"x": 0.0, "y": 0.0, "z": z, "w": w},
+        },
+    }
+
+
+def _rounded(*numbers: float) -> list[float]:
+    return (np.round(numbers, _DECIMALS) + 0.0).tolist()  # no -0.0
+
+
 def _points(trajectory: Trajectory) -> list[dict[str, Any]]:
     states = (trajectory.positions, trajectory.velocities, trajectory.accelerations)
-    rows = zip(*((np.round(each, _DECIMALS) + 0.0).tolist() for each in states), strict=True)  # no -0.0
+    rows = zip(*((np.round(each, _DECIMALS) + 0.0).tolist() for each in states), strict=True)
     return [
         {"positions": position, "velocities": velocity, "accelerations": acceleration, "time_from_start": _time(time)}
         for time, (position, velocity, acceleration) in zip(trajectory.time_ns, rows, strict=True)

@@ -1,5 +1,6 @@
 """A drive as its legs, turns on the spot and straight pieces: what motions, exports and films of any drive read."""
 
+import enum
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -14,6 +15,14 @@ from basenet_jax.robot.time_law import TimeLaw, fastest_law
 
 _STILL = 1e-12  # rad or m: less is rounding
 _SIDEWAYS = 1e-6  # rad: a piece that is less askew goes along the heading
+
+
+class Gear(enum.StrEnum):
+    """Which way a straight piece goes, as seen from the base."""
+
+    FORWARD = "forward"
+    REVERSE = "reverse"
+    SIDEWAYS = "sideways"  # or askew, by an omnidirectional base
 
 
 @dataclass(frozen=True)
@@ -32,6 +41,13 @@ class Leg:
         """What the leg takes."""
         return self.law.duration_s
 
+    @property
+    def gear(self) -> Gear | None:
+        """Of a straight piece; None of a turn."""
+        if self.turn:
+            return None
+        return Gear.SIDEWAYS if self.direction else Gear.REVERSE if self.straight < 0.0 else Gear.FORWARD
+
 
 @dataclass(frozen=True)
 class Manoeuvre:
@@ -43,6 +59,13 @@ class Manoeuvre:
     def time_s(self) -> float:
         """What the drive takes."""
         return sum(leg.time_s for leg in self.legs)
+
+    @property
+    def staging_pose(self) -> Float[np.ndarray, "3"] | None:
+        """From where the base goes straight to the goal; the goal itself where it turns last; None without legs."""
+        if not self.legs:
+            return None
+        return self.legs[-1].after if self.legs[-1].turn else self.legs[-1].before
 
 
 def through(robot: Robot, poses: Iterable[ArrayLike]) -> Manoeuvre:

@@ -11,6 +11,7 @@ from basenet_jax.config import WorldConfig
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.time_law import TimeLaw, joint_move_law
 from basenet_jax.task.drives import Drives, make_drives
+from basenet_jax.task.manoeuvre import Leg
 from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.world.scene import Scene
 
@@ -35,6 +36,7 @@ class Part(NamedTuple):
     doing: Doing
     step: int  # of the plan
     law: TimeLaw
+    leg: Leg | None = None  # of a drive
 
 
 class Motion(NamedTuple):
@@ -111,7 +113,7 @@ class _Keys:
         if np.hypot(*(goal - start)[:2]) <= same_pose and abs(turn) <= same_pose:
             return
         for leg in drives.manoeuvre(self._robot, start, goal).legs:
-            self._add(Doing.TURN if leg.turn else Doing.DRIVE, leg.law, base_pose=leg.after)
+            self._add(Doing.TURN if leg.turn else Doing.DRIVE, leg.law, leg=leg)
 
     def pick(self, above: np.ndarray, grasp: np.ndarray, slot: int, config: WorldConfig) -> None:
         """The pick cycle over two joint states."""
@@ -127,11 +129,20 @@ class _Keys:
         if law := joint_move_law(self._robot, self.joints[-1], joints, self._smoothing_s):
             self._add(doing, law, joints=joints)
 
-    def _add(self, doing: Doing, law: TimeLaw, *, base_pose=None, joints=None, held: int | None = None, done=0) -> None:
+    def _add(
+        self,
+        doing: Doing,
+        law: TimeLaw,
+        *,
+        leg: Leg | None = None,
+        joints: np.ndarray | None = None,
+        held: int | None = None,
+        done: int = 0,
+    ) -> None:
         """The next key state; what isn't given stays as it is."""
-        self.parts.append(Part(doing, self.step, law))
+        self.parts.append(Part(doing, self.step, law, leg))
         self.time.append(self.time[-1] + law.duration_s)
-        self.base_pose.append(self.base_pose[-1] if base_pose is None else base_pose)
+        self.base_pose.append(leg.after if leg else self.base_pose[-1])
         self.joints.append(self.joints[-1] if joints is None else joints)
         self.held.append(self.held[-1] if held is None else held)
         self.done.append(self.done[-1] + done)

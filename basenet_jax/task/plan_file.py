@@ -15,7 +15,7 @@ from basenet_jax.documents.fields import DocumentError, convert, describe, field
 from basenet_jax.documents.text_files import read_json, to_json
 from basenet_jax.robot.reading import load_robot, robot_name
 from basenet_jax.task.drives import DockedDrives, make_drives
-from basenet_jax.task.manoeuvre import Leg
+from basenet_jax.task.manoeuvre import Leg, Manoeuvre
 from basenet_jax.task.picking import Reason
 from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.task.plan_fields import (
@@ -142,14 +142,14 @@ def reason_name(reason: Any) -> str | None:
     return Reason(int(reason)).name.lower() if int(reason) else None
 
 
-def _manoeuvres(scene: NamedScene, plan: Plan, outcome: Outcome, world: WorldConfig) -> dict[int, list[LegFields]]:
+def _manoeuvres(scene: NamedScene, plan: Plan, outcome: Outcome, world: WorldConfig) -> dict[int, Manoeuvre]:
     """The docked drives of the steps that have one."""
     robot, found = load_robot(scene.robot), {}
     drives = make_drives(robot, jax.device_get(scene.arrays.room), world.navigation)
     before = np.asarray(scene.arrays.robot_start, float)
     for step in np.flatnonzero(outcome.navigation_time > 0) if isinstance(drives, DockedDrives) else ():
         pose = np.asarray(plan.base_pose[step], float)
-        found[int(step)] = [_leg(leg) for leg in drives.manoeuvre(robot, before, pose).legs]
+        found[int(step)] = drives.manoeuvre(robot, before, pose)
         before = pose
     return found
 
@@ -159,7 +159,8 @@ def _leg(leg: Leg) -> LegFields:
     return LegFields(**given, time_s=leg.time_s)
 
 
-def _step(scene: NamedScene, plan: Plan, outcome: Outcome, step: int, drives: dict[int, list[LegFields]]) -> StepFields:
+def _step(scene: NamedScene, plan: Plan, outcome: Outcome, step: int, drives: dict[int, Manoeuvre]) -> StepFields:
+    drive = drives.get(step, Manoeuvre(()))
     feasible, joints, least = bool(outcome.feasible[step]), outcome.joints[step], outcome.least_singular_value
     return StepFields(
         object=scene.names[int(plan.object_index[step])],
@@ -170,7 +171,8 @@ def _step(scene: NamedScene, plan: Plan, outcome: Outcome, step: int, drives: di
         pick_time_s=shortest(outcome.pick_time[step]),
         arm=ArmFields(pre_grasp=shortest(joints[0]), grasp=shortest(joints[-1])) if feasible else None,
         least_singular_value=shortest(least[step]) if feasible and least is not None else None,
-        manoeuvre=drives.get(step, UNSET),
+        manoeuvre=[_leg(leg) for leg in drive.legs] if drive.legs else UNSET,
+        staging_pose=UNSET if (staging := drive.staging_pose) is None else tuple(staging.tolist()),
     )
 
 
