@@ -49,6 +49,9 @@ class NavigationConfig(Settings):
     drives: Literal["by-room", "point", "docked"] = "by-room"
     """Of a point round one table (the paper's world), docked (true to the footprint), or by the room: of a point where
     it has one table and nothing else."""
+    reverse: bool = True
+    """Whether the base may drive in reverse; without, only stops that it leaves and comes to nose first can be had. A
+    base that drives in any direction has no reverse."""
     docked: DockedConfig = field(default_factory=DockedConfig)
     """Of docked drives; what follows is of those of a point."""
     path_slack_m: Annotated[float, Range(0, 0.1)] = 0.001

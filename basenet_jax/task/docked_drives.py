@@ -15,8 +15,8 @@ from jaxtyping import Bool, Float, Int
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.timing import straight_duration, turn_duration
 from basenet_jax.task.drive_space import footprint_fits
-from basenet_jax.task.gates import Gates, gates
-from basenet_jax.task.road_search import road_times
+from basenet_jax.task.gates import Gates, gates, one_way_times
+from basenet_jax.task.road_search import gears, road_times
 from basenet_jax.task.roadmap import Roadmap, padded
 from basenet_jax.trigonometry import atan2, sin_cos, wrap_angle
 
@@ -52,7 +52,7 @@ def drive_matrix(
         goal: likewise.
     """
     ends = [_gates(robot, roadmap, np.asarray(poses)) for poses in (start, goal)]
-    shared = [_shared_places(robot, jax.device_get(each)) for each in ends]
+    shared = [_shared_places(robot, jax.device_get(each), reverse=roadmap.reverse) for each in ends]
     return np.asarray(_matrix(robot, roadmap, *ends, *shared))
 
 
@@ -71,10 +71,10 @@ def _own_places(ends: Gates) -> _Places:
     return _Places(pose, jnp.arange(ends.time.size).reshape(ends.time.shape), jnp.zeros(ends.time.shape, bool))
 
 
-def _shared_places(robot: Robot, ends: Gates) -> _Places:
-    """Each place and heading once, where opposite headings are one; padded with copies."""
+def _shared_places(robot: Robot, ends: Gates, *, reverse: bool) -> _Places:
+    """Each place and heading once, where opposite headings are one if it may drive in reverse; padded with copies."""
     heading = np.broadcast_to(0.0 if robot.omnidirectional else ends.pose[:, None, 2], ends.time.shape)
-    halves = np.round(heading / np.pi)
+    halves = np.round(heading / np.pi) if reverse else 2 * np.round(heading / (2 * np.pi))
     pose = np.concatenate([ends.place, (heading - np.pi * halves)[..., None]], axis=-1)
     used = np.isfinite(ends.time)
     keys = np.round(pose[used] / _SAME_PLACE).astype(np.int64)
@@ -100,12 +100,14 @@ def _least(
 ) -> Float[Array, "S T"]:
     """Over all ways; the roads are those between `begin` and `end`."""
     roads = road_times(robot, roadmap, begin.pose, end.pose)
+    leave, _ = one_way_times(start, reverse=roadmap.reverse)
+    _, come = one_way_times(goal, reverse=roadmap.reverse)
     docked = jnp.inf
-    for i in range(start.time.shape[1]):
-        for j in range(goal.time.shape[1]):
+    for i in range(leave.shape[1]):
+        for j in range(come.shape[1]):
             turned = begin.turned[:, None, i] ^ end.turned[:, j]
             road = roads[turned.astype(int), begin.which[:, None, i], end.which[:, j]]
-            docked = jnp.minimum(docked, start.time[:, None, i] + road + goal.time[:, j])
+            docked = jnp.minimum(docked, leave[:, None, i] + road + come[:, j])
     turn = goal.pose[:, 2] - start.pose[:, None, 2]
     if robot.omnidirectional:
         docked += turn_duration(robot, turn)
@@ -116,7 +118,7 @@ def _least(
 
 
 def straight_ways(robot: Robot, roadmap: Roadmap, start: Gates, goal: Gates) -> list[Float[Array, "S T"]]:
-    """Times (s) to turn, drive straight and turn, infinite where that isn't free: forward, then in reverse.
+    """Times (s) to turn, drive straight and turn, infinite where that isn't free: forward, then in reverse if allowed.
 
     Of an omnidirectional base: to turn and drive, then to drive and turn. One turn if both poses are at one place.
     """
@@ -143,10 +145,9 @@ def straight_ways(robot: Robot, roadmap: Roadmap, start: Gates, goal: Gates) -> 
         direction = atan2(y, x)
         size = jnp.where(short, 1.0, length)
         along = (jnp.where(short, 1.0, x / size), y / size)
-        fits = [footprint_fits(roadmap.space, middle, along, (0.5 * x, 0.5 * y))] * 2
-        turns = [
-            turn_out(direction + gear - heading) + turn_in(goal_heading - direction - gear) for gear in (0, jnp.pi)
-        ]
+        ways = (0.0, jnp.pi)[: len(gears(robot, roadmap))]
+        fits = [footprint_fits(roadmap.space, middle, along, (0.5 * x, 0.5 * y))] * len(ways)
+        turns = [turn_out(direction + gear - heading) + turn_in(goal_heading - direction - gear) for gear in ways]
     in_place = turn_out(goal_heading - heading)
     return [
         jnp.where(short, in_place, jnp.where(fit, time + turn, jnp.inf)) for fit, turn in zip(fits, turns, strict=True)

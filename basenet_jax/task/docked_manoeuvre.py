@@ -16,7 +16,7 @@ from basenet_jax.robot.model import Robot
 from basenet_jax.robot.timing import turn_duration
 from basenet_jax.task.docked_drives import SAME_POSE, straight_ways
 from basenet_jax.task.drive_space import TOUCHING_M, DriveSpace
-from basenet_jax.task.gates import gates
+from basenet_jax.task.gates import gates, one_way_times
 from basenet_jax.task.manoeuvre import Manoeuvre, through, turn_time
 from basenet_jax.task.road_search import Pieces, Reached, away_from, gears, pieces, reach_vias
 from basenet_jax.task.roadmap import SAME_PLACE_M, Roadmap, road_turn_time
@@ -27,7 +27,7 @@ _TOUCHING_M = 3.0 * TOUCHING_M  # so that what float32 calls free is free here
 class _Found(NamedTuple):
     """Times (s) of all ways between two poses with K turning places each, and what they are made of."""
 
-    straight: Float[Any, "2"]  # see `straight_ways`
+    straight: Float[Any, " W"]  # see `straight_ways`
     direct: Float[Any, "G K K"]  # by road without vias, by gear and turning places
     over: Float[Any, "V from G K K"]  # by the last via and where the base comes from: the start, or a neighbour
     reached: Reached  # from the turning places of the start
@@ -77,7 +77,7 @@ def _search(robot: Robot, roadmap: Roadmap, ends: Float[Array, "2 3"]) -> _Found
     roadmap = dataclasses.replace(roadmap, space=space)
     both = gates(robot, roadmap.space, ends)
     start, goal = (jax.tree.map(lambda x, i=i: x[i : i + 1], both) for i in range(2))
-    gear, vias, heading = gears(robot), len(roadmap.via), both.pose[:, 2]
+    gear, vias, heading = gears(robot, roadmap), len(roadmap.via), both.pose[:, 2]
     begin = jnp.concatenate([both.place[0], jnp.broadcast_to(heading[0], (len(both.place[0]), 1))], axis=-1)
     ahead = pieces(robot, roadmap, both.place[0], jnp.concatenate([roadmap.via, both.place[1]]))
     first, direct = (Pieces(*(x[:, some] for x in ahead)) for some in (slice(vias), slice(vias, None)))
@@ -91,7 +91,8 @@ def _search(robot: Robot, roadmap: Roadmap, ends: Float[Array, "2 3"]) -> _Found
         """From directions of arriving at each via, its last axes counting gears and places, to each last piece."""
         return turn(jnp.expand_dims(last.direction, tuple(range(1, come.ndim))) - come[..., None])
 
-    docks = start.time[0, :, None] + goal.time[0]
+    leave, come = (one_way_times(each, reverse=roadmap.reverse)[i] for i, each in enumerate((start, goal)))
+    docks = leave[0, :, None] + come[0]
     if robot.omnidirectional:
         docks += turn_duration(robot, heading[1] - heading[0])
     turns = turn(direct.direction + gear[:, None, None] - heading[0])

@@ -66,7 +66,8 @@ class PointDrives:
         """
         path = navigation_path(robot, start, goal, self.room, self.config)
         config = self.config
-        return along_path(robot, path, start, goal, same_pose=config.same_pose, keep_heading=config.straight)
+        how = {"same_pose": config.same_pose, "keep_heading": config.straight, "reverse": config.reverse}
+        return along_path(robot, path, start, goal, **how)
 
 
 @struct.dataclass
@@ -131,7 +132,8 @@ def make_drives(robot: Robot, room: Room, config: NavigationConfig = NavigationC
         raise ValueError("drives: found point in a room, allowed is docked; point goes round one table that is alone")
     if are_docked(room, config):
         host, concrete = jax.tree.map(np.asarray, jax.device_get((robot, room)))
-        return DockedDrives(_roadmap(_Known(_base(host), host), _Known(fingerprint(room), concrete), config.docked))
+        known = (_Known(_base(host), host), _Known(fingerprint(room), concrete))
+        return DockedDrives(_roadmap(*known, config.docked, config.reverse))
     return PointDrives(room, config)
 
 
@@ -144,8 +146,8 @@ class _Known:
 
 
 @functools.lru_cache(maxsize=16)
-def _roadmap(robot: _Known, room: _Known, config: DockedConfig) -> Roadmap:
-    return jax.device_put(make_roadmap(robot.value, room.value, config))
+def _roadmap(robot: _Known, room: _Known, config: DockedConfig, reverse: bool) -> Roadmap:
+    return jax.device_put(make_roadmap(robot.value, room.value, config, reverse=reverse))
 
 
 def _base(robot: Robot) -> Hashable:

@@ -31,6 +31,16 @@ class Gates:
     time: Float[Array, "S K"]  # s, of the straight piece between pose and place; infinite: there is none
 
 
+def one_way_times(ends: Gates, *, reverse: bool) -> tuple[Float[Array, "S K"], Float[Array, "S K"]]:
+    """Times (s) to leave poses by each gate, and to come to them; infinite where that goes in reverse and may not."""
+    if reverse:
+        return ends.time, ends.time
+    ahead, behind = ends.time[:, :1], ends.time[:, 1:]
+    # Where the base stands at a turning place, the first gate leads nowhere else.
+    none = jnp.full_like(ahead, jnp.inf)
+    return jnp.concatenate([ahead, none], axis=1), jnp.concatenate([jnp.where(ahead == 0, 0.0, none), behind], axis=1)
+
+
 def gates(robot: Robot, space: DriveSpace, pose: Float[Array, "S 3"]) -> Gates:
     """Free turns and turning places of poses.
 

@@ -87,6 +87,7 @@ def along_path(
     *,
     same_pose: float,
     keep_heading: bool = False,
+    reverse: bool = True,
 ) -> Manoeuvre:
     """Turn, drive, turn along a polyline, all forward or all in reverse, whichever takes less time.
 
@@ -97,6 +98,7 @@ def along_path(
         goal: likewise.
         same_pose: what is shorter (m) has no direction and isn't driven.
         keep_heading: one turn at the end, whatever the direction driven in.
+        reverse: whether it may be.
     """
     start, goal = np.asarray(start, float), np.asarray(goal, float)
     legs = np.diff(path, axis=0)
@@ -105,7 +107,7 @@ def along_path(
     if keep_heading:
         headings = [np.unwrap([*[start[2]] * (1 + len(legs)), goal[2]])]
     else:
-        headings = [np.unwrap([start[2], *(directions + gear), goal[2]]) for gear in (0.0, np.pi)]
+        headings = [np.unwrap([start[2], *(directions + gear), goal[2]]) for gear in (0.0, np.pi)[: 1 + reverse]]
     fastest = min(headings, key=lambda each: sum(turn_time(robot, turn) for turn in np.diff(each)))
     poses, place = [start], start[:2]
     for leg, heading in zip(legs, fastest[1:], strict=False):

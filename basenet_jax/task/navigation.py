@@ -42,7 +42,7 @@ def navigation_time(
         start: pose (x, y, heading) in W.
         goal: likewise.
         room: with one table.
-        config: margins, and whether to drive straight through anything.
+        config: margins, whether it may be in reverse, and whether to drive straight through anything.
     """
     p, q = _seen_from_table(room, start, goal)
     straight = _leg(robot, p[:2], q[:2], room, config)
@@ -50,7 +50,7 @@ def navigation_time(
     if config.straight:
         time = straight.duration + turned
     else:
-        legs = _Ways(robot, p, q, straight, *_over_vias(robot, p, q, room, config))
+        legs = _Ways(robot, config.reverse, p, q, straight, *_over_vias(robot, p, q, room, config))
         time = jnp.where(straight.short, turned, _least_way(legs))
     same = straight.short & (jnp.abs(wrap_angle(q[2] - p[2])) <= config.same_pose)
     return jnp.where(same, 0.0, time)
@@ -89,7 +89,7 @@ def _compare_ways(
     """Whether it is too short to drive, every way's duration, and the corners that each goes over (-1: none)."""
     p, q = _seen_from_table(room, jnp.asarray(start), jnp.asarray(goal))
     straight = _leg(robot, p[:2], q[:2], room, config)
-    ways = list(_all_ways(_Ways(robot, p, q, straight, *_over_vias(robot, p, q, room, config))))
+    ways = list(_all_ways(_Ways(robot, config.reverse, p, q, straight, *_over_vias(robot, p, q, room, config))))
     corners = [(*over, -1, -1)[:2] for _, over in ways]
     return straight.short, jnp.stack([duration for duration, _ in ways]), jnp.array(corners)
 
@@ -120,6 +120,7 @@ class _Ways(NamedTuple):
     """All legs of the ways from pose p to pose q; those to and from vias have a leading axis of four."""
 
     robot: Robot
+    reverse: bool
     p: Vector
     q: Vector
     straight: _Leg
@@ -154,7 +155,7 @@ def _all_ways(ways: _Ways) -> Iterator[tuple[Array, tuple[int, ...]]]:
     take a third of the time that they take as arrays over vias.
     """
     robot, heading, goal_heading = ways.robot, ways.p[2], ways.q[2]
-    gears = (0.0, jnp.pi)  # forward, reverse: the base's heading is opposite to the direction of travel
+    gears = (0.0, jnp.pi)[: 1 + ways.reverse]  # in reverse the base's heading is opposite to the direction of travel
 
     def turn(angle: Array) -> Array:
         return turn_duration(robot, angle)
@@ -166,7 +167,7 @@ def _all_ways(ways: _Ways) -> Iterator[tuple[Array, tuple[int, ...]]]:
         return [turn(goal_heading - leg.direction - gear) for gear in gears]
 
     def better(first: list[Array], last: list[Array]) -> Array:
-        return jnp.minimum(first[0] + last[0], first[1] + last[1])
+        return functools.reduce(jnp.minimum, (a + b for a, b in zip(first, last, strict=True)))
 
     yield better(first_turns(ways.straight), last_turns(ways.straight)) + _cost(ways.straight), ()
     first, last = first_turns(ways.outward), last_turns(ways.inward)

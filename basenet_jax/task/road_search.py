@@ -58,9 +58,9 @@ def road_times(
     return jnp.moveaxis(times, 1, 0)
 
 
-def gears(robot: Robot) -> Float[Array, " G"]:
-    """From the direction of driving to the heading (rad): forward and reverse."""
-    return jnp.zeros(1) if robot.omnidirectional else jnp.array([0.0, jnp.pi])
+def gears(robot: Robot, roadmap: Roadmap) -> Float[Array, " G"]:
+    """From the direction of driving to the heading (rad): forward and, where it is allowed, reverse."""
+    return jnp.array([0.0, jnp.pi]) if roadmap.reverse and not robot.omnidirectional else jnp.zeros(1)
 
 
 def pieces(robot: Robot, roadmap: Roadmap, start: Float[Array, "A 2"], end: Float[Array, "B 2"]) -> Pieces:
@@ -86,7 +86,7 @@ def reach_vias(robot: Robot, roadmap: Roadmap, start: Float[Array, "P 3"], first
         first: from each straight to each via.
     """
     direction, away = first.direction.T, away_from(roadmap)
-    first_turn = road_turn_time(robot, direction[:, None] + gears(robot)[:, None] - start[:, 2])
+    first_turn = road_turn_time(robot, direction[:, None] + gears(robot, roadmap)[:, None] - start[:, 2])
     straight = jnp.where(roadmap.is_via[:, None, None], first.time.T[:, None] + first_turn, jnp.inf)
     onto = road_turn_time(robot, away[:, :, None] - direction[:, None])
     seed = roadmap.time[:, :, None, None] + (straight[:, None] + onto[:, :, None])
@@ -125,7 +125,7 @@ def away_from(roadmap: Roadmap) -> Float[Array, "V D"]:
 
 def _roads(robot: Robot, roadmap: Roadmap, start: Array, goal: Array, last: Pieces) -> Float[Array, "P 2 Q"]:
     """Of all goals, via by via: each way's last piece starts there, but for those without a via."""
-    gear, vias = gears(robot)[:, None], len(roadmap.via)
+    gear, vias = gears(robot, roadmap)[:, None], len(roadmap.via)
     ahead = pieces(robot, roadmap, start[:, :2], jnp.concatenate([roadmap.via, goal[:, :2]]))
     first, direct = (Pieces(*(x[:, some] for x in ahead)) for some in (slice(vias), slice(vias, None)))
     reached = reach_vias(robot, roadmap, start, first)

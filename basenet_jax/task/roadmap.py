@@ -32,15 +32,17 @@ class Roadmap:
     back: Int[Array, "V D"]  # where the same piece stands for the neighbour, as an index into V · D
     time: Float[Array, "V D"]  # s, of the piece; infinite: there is none
     turn: Float[Array, "V D D"]  # s, coming from the one neighbour and leaving for the other; 0 if omnidirectional
+    reverse: bool = struct.field(pytree_node=False, default=True)  # whether the base may drive so
 
 
-def make_roadmap(robot: Robot, room: Room, config: DockedConfig = DockedConfig()) -> Roadmap:
+def make_roadmap(robot: Robot, room: Room, config: DockedConfig = DockedConfig(), *, reverse: bool = True) -> Roadmap:
     """The roadmap of a room, on the host.
 
     Args:
         robot: its base counts.
         room: one room, not a batch.
         config: what it keeps clear of.
+        reverse: whether the base may drive in reverse; where it drives in any direction, that is no question.
     """
     room = jax.device_get(room)
     room = dataclasses.replace(room, boxes=pad(room.boxes, padded(len(room.boxes.low))))
@@ -58,7 +60,7 @@ def make_roadmap(robot: Robot, room: Room, config: DockedConfig = DockedConfig()
     time, turn = _times(robot, np.hypot(*away.T).T, direction)
     time = np.where(none, np.inf, time)
     leaves: tuple[Any, ...] = (via, is_via, np.maximum(neighbour, 0), back, time, turn)
-    return Roadmap(space, *leaves)
+    return Roadmap(space, *leaves, reverse=reverse or robot.omnidirectional)
 
 
 def road_turn_time(robot: Robot, angle: Array) -> Float[Array, "*batch"]:

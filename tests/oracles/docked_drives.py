@@ -23,6 +23,11 @@ class Base(NamedTuple):
     speed: tuple[float, float]  # m/s, rad/s
     acceleration: tuple[float, float]
     omnidirectional: bool = False
+    reverse: bool = True
+
+    @property
+    def gears(self):
+        return (0.0, math.pi) if self.reverse else (0.0,)
 
     @property
     def radius(self):
@@ -73,7 +78,7 @@ def _straight_ways(base, room, p, q):
             if turn_free(base, room, there, q[2] - p[2]) and sweep_free(base, room, p, q, heading):
                 yield base.turn(q[2] - p[2]) + base.straight(length)
     else:
-        for gear in (0.0, math.pi):
+        for gear in base.gears:
             heading = math.atan2(q[1] - p[1], q[0] - p[0]) + gear
             first, last = heading - p[2], q[2] - heading
             free = turn_free(base, room, p, first) and turn_free(base, room, (q[0], q[1], heading), last)
@@ -83,7 +88,13 @@ def _straight_ways(base, room, p, q):
 
 def _docked_ways(base, room, p, q):
     for (out, place), (into, end) in itertools.product(_gates(base, room, p), _gates(base, room, q)):
-        yield out + into + _road(base, room, (*place, p[2]), (*end, q[2]))
+        if base.reverse or (_ahead(p, place) > -TINY and _ahead(q, end) < TINY):
+            yield out + into + _road(base, room, (*place, p[2]), (*end, q[2]))
+
+
+def _ahead(pose, place):
+    """How far (m) a place is along a pose's heading."""
+    return (place[0] - pose[0]) * math.cos(pose[2]) + (place[1] - pose[1]) * math.sin(pose[2])
 
 
 def _gates(base, room, pose):
@@ -117,7 +128,7 @@ def _road(base, room, p, q):
         return base.turn(q[2] - p[2])
     if base.omnidirectional:
         return base.turn(q[2] - p[2]) + _road_in_gear(base, room, p, q, None)
-    return min(_road_in_gear(base, room, p, q, gear) for gear in (0.0, math.pi))
+    return min(_road_in_gear(base, room, p, q, gear) for gear in base.gears)
 
 
 def _road_in_gear(base, room, p, q, gear):

@@ -19,7 +19,7 @@ class Route(NamedTuple):
     points: list[tuple[float, float]]  # empty where there is no way
 
 
-def navigate(start, goal, table=(2.0, 0.8), margin=PATH_MARGIN) -> Route:
+def navigate(start, goal, table=(2.0, 0.8), margin=PATH_MARGIN, gears=(0.0, math.pi)) -> Route:
     """The fastest allowed way between two poses (x, y, heading), the table being centred on the origin."""
     if math.dist(start[:2], goal[:2]) <= TINY and abs(wrap(goal[2] - start[2])) <= TINY:
         return Route(0.0, [tuple(start[:2])])
@@ -28,7 +28,7 @@ def navigate(start, goal, table=(2.0, 0.8), margin=PATH_MARGIN) -> Route:
         points = _without_repeats([tuple(map(float, start[:2])), *vias, tuple(map(float, goal[:2]))])
         if any(enters(a, b, table, margin) for a, b in pairwise(points)):
             continue
-        for gear in (0.0, math.pi):
+        for gear in gears:
             time = _duration(points, start[2], goal[2], gear)
             if time < best.time:
                 best = Route(time, points)

@@ -56,6 +56,23 @@ def test_the_way_back_takes_as_long(times):
         np.testing.assert_allclose(each, each.T, atol=FLOAT32_BOUND)
 
 
+def test_without_reverse_it_agrees_with_brute_force_too(robot):
+    rng, known, wrong, differs = np.random.default_rng(4), base_of(robot)._replace(reverse=False), [], 0
+    for count in (2, 4, 5):
+        room = draw_room(rng, count)
+        poses = draw_poses(rng, known, room)
+        roadmap = make_roadmap(robot, room_of(room), reverse=False)
+        ours = docked_drives.drive_matrix(robot, roadmap, poses, poses)
+        differs += np.sum(ours != ours.T)
+        for i, j in np.ndindex(ours.shape):
+            expected = oracle.drive_time(known, room, poses[i], poses[j])
+            if not (ours[i, j] == expected or abs(ours[i, j] - expected) <= FLOAT32_BOUND):
+                wrong.append((room, poses[i], poses[j], ours[i, j], expected))
+    assert all(oracle.doubtful(known, *pair[:3]) for pair in wrong), wrong
+    assert len(wrong) <= 3
+    assert differs > 100, "says little"
+
+
 def test_only_the_room_and_the_poses_together_count(base, rooms):
     """Turned and shifted together, without a floor's bounds, they are the same room."""
     room, poses = rooms[0]

@@ -6,7 +6,9 @@ import math
 import numpy as np
 import pytest
 
+from basenet_jax.task.docked_drives import drive_matrix
 from basenet_jax.task.docked_manoeuvre import find_manoeuvre
+from basenet_jax.task.manoeuvre import Gear
 from basenet_jax.task.roadmap import make_roadmap
 from tests.oracles import docked_drives as oracle
 from tests.task import docked_rooms
@@ -43,6 +45,24 @@ def test_they_take_what_was_costed(found):
     for *_, time, drive in found:
         assert (drive.time_s if drive else math.inf) == pytest.approx(time, abs=FLOAT32_BOUND)
     assert sum(drive is not None and len(drive.legs) > 3 for *_, drive in found) > 10, "says little"
+
+
+def test_without_reverse_they_take_what_was_costed_and_go_forward(robot):
+    rng, driven = np.random.default_rng(11), 0
+    for count in (2, 5):
+        room = draw_room(rng, count)
+        poses, roadmap = draw_poses(rng, base_of(robot), room), make_roadmap(robot, room_of(room), reverse=False)
+        times = drive_matrix(robot, roadmap, poses, poses)
+        for i, j in rng.integers(len(poses), size=(12, 2)):
+            if not np.isfinite(times[i, j]):
+                with pytest.raises(ValueError, match="can't be reached"):
+                    find_manoeuvre(robot, roadmap, poses[i], poses[j])
+                continue
+            drive = find_manoeuvre(robot, roadmap, poses[i], poses[j])
+            assert drive.time_s == pytest.approx(times[i, j], abs=FLOAT32_BOUND)
+            assert {leg.gear for leg in drive.legs} <= {None, Gear.FORWARD}
+            driven += len(drive.legs) > 3
+    assert driven > 3, "says little"
 
 
 def test_they_lead_from_pose_to_pose_without_gaps(found):

@@ -57,6 +57,15 @@ def test_agrees_with_brute_force_in_float64(robot, pairs, routes):
     check_against_oracle(times, pairs, routes, FLOAT64_BOUND)
 
 
+def test_without_reverse_it_agrees_with_brute_force_too(robot, room, pairs):
+    some = [poses[::8] for poses in pairs]
+    times = navigate(robot, room, *some, NavigationConfig(reverse=False))
+    routes = [oracle.navigate(p, q, gears=(0.0,)) for p, q in zip(*some, strict=True)]
+    check_against_oracle(times, some, routes, FLOAT32_BOUND)
+    faster = [oracle.navigate(p, q).time < route.time for p, q, route in zip(*some, routes, strict=True)]
+    assert np.mean(faster) > 0.3, "says little"
+
+
 def test_sample_uses_every_kind_of_way(routes):
     # Otherwise agreement would say little.
     corners = np.array([len(route.points) for route in routes])
