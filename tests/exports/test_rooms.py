@@ -4,6 +4,7 @@ import dataclasses
 import itertools
 from pathlib import Path
 
+import jax.numpy as jnp
 import msgspec
 import numpy as np
 import pytest
@@ -28,7 +29,7 @@ def room():
 @pytest.fixture(scope="module")
 def schedule(robot, room):
     """Of a plan whose picks are made up."""
-    plan = Plan(np.arange(3), STOPS, np.ones(3, bool), np.zeros(3, int))
+    plan = Plan(jnp.arange(3), jnp.asarray(STOPS), jnp.ones(3, bool), jnp.zeros(3, int))
     short = judged.made_up_outcome()
     outcome = dataclasses.replace(
         short,

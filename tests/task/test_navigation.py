@@ -58,8 +58,8 @@ def test_agrees_with_brute_force_in_float64(robot, pairs, routes):
 
 
 def test_without_reverse_it_agrees_with_brute_force_too(robot, room, pairs):
-    some = [poses[::8] for poses in pairs]
-    times = navigate(robot, room, *some, NavigationConfig(reverse=False))
+    some = (pairs[0][::8], pairs[1][::8])
+    times = navigate(robot, room, some[0], some[1], NavigationConfig(reverse=False))
     routes = [oracle.navigate(p, q, gears=(0.0,)) for p, q in zip(*some, strict=True)]
     check_against_oracle(times, some, routes, FLOAT32_BOUND)
     faster = [oracle.navigate(p, q).time < route.time for p, q, route in zip(*some, routes, strict=True)]
