@@ -8,7 +8,7 @@ rest are choices of this project.
 import itertools
 import math
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeAlias
 
 from basenet_jax.settings import Count, Natural, NotNegative, Positive, Range, Settings, setting_error
 
@@ -65,6 +65,9 @@ class NavigationConfig(Settings):
     """Below so many m or rad nothing is driven, and a segment has no direction."""
 
 
+Switch: TypeAlias = Literal["by-room", "on", "off"]  # by the room: on where its file says `clutter`
+
+
 @dataclass(frozen=True)
 class PickConfig(Settings):
     """The pick cycle, and when it is feasible."""
@@ -89,6 +92,14 @@ class PickConfig(Settings):
     """How far from its goal the tool may be turned in the end."""
     max_descent_step_rad: Positive = 0.5
     """Of any joint, between neighbouring waypoints of the descent."""
+    object_in_the_way: Switch = "by-room"
+    """Whether arm and gripper must not touch objects that still stand."""
+    arm_hits_itself: Switch = "by-room"
+    """Whether links that aren't neighbours, and the pedestal, must not touch."""
+    near_singular: Switch = "by-room"
+    """Whether the arm keeps away from singular poses between pre-grasp and grasp."""
+    least_singular_value: Annotated[float, Range(0, 1)] = 0.02
+    """Of the tool's Jacobian (m and rad), below which a pose is near singular."""
     swept_points: Natural = 7
     """So many states are checked inside each of the moves home to pre-grasp and pre-grasp to stow."""
     refinements: Natural = 1

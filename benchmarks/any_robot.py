@@ -26,6 +26,7 @@ from basenet_jax.task.picking import Pick, pick
 from basenet_jax.world.boxes import Room
 from basenet_jax.world.clearance import base_collides
 from basenet_jax.world.generate import draw_problem
+from basenet_jax.world.grasps import top_down
 from benchmarks.harness import Options, Report, parse, speed_table
 from benchmarks.pairs import RADIUS_M, Pairs
 from benchmarks.timing import measure, speed
@@ -60,7 +61,7 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     base_pose, grasp = (jax.device_put(part) for part in pairs)
 
     def evaluate(base_pose: Array, grasp: Array) -> Pick:
-        return pick(robot, base_pose, grasp, room, world.pick)
+        return pick(robot, base_pose, top_down(grasp), room, world.pick)
 
     timing = measure(evaluate, [(base_pose, grasp)], repeats=options.repeats)
     found = np.asarray(jax.jit(evaluate)(base_pose, grasp).feasible)
@@ -123,7 +124,7 @@ def _random_restarts(
     def restart(key: Array) -> Array:
         lower, upper = jnp.asarray(robot.joint_lower), jnp.asarray(robot.joint_upper)
         joints = lower + jax.random.uniform(key, (seeds, robot.dof)) * (upper - lower)
-        return pick(robot, base_pose, grasp, room, config, seeds=joints).feasible
+        return pick(robot, base_pose, top_down(grasp), room, config, seeds=joints).feasible
 
     key = jax.random.key(options.seed)
     found = np.array(restart(key))

@@ -71,7 +71,7 @@ def _one_at_a_time(
     from benchmarks.one_at_a_time import OneAtATime
 
     costs = OneAtATime(load_robot(), setup.room, setup.world.pick, sphere=sphere)
-    poses, grasps = np.asarray(setup.grid_poses, float), np.asarray(scene.grasps, float)
+    poses, grasps = np.asarray(setup.grid_poses, float), np.asarray(scene.first_grasp, float)
     sample = np.random.default_rng(options.seed).choice(expected.size, min(options.sample, expected.size), False)
     rows, columns = np.unravel_index(sample, expected.shape)
 

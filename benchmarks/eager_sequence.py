@@ -36,7 +36,7 @@ class Scenes(NamedTuple):
 
 def as_tensors(scenes: Scene) -> Scenes:
     """What episodes need of a batch of our scenes."""
-    return Scenes(*(torch.tensor(np.asarray(x)) for x in (scenes.grasps, scenes.mask, scenes.robot_start)))
+    return Scenes(*(torch.tensor(np.asarray(x)) for x in (scenes.first_grasp, scenes.mask, scenes.robot_start)))
 
 
 @dataclass

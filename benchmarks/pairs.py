@@ -13,6 +13,7 @@ from basenet_jax.robot.model import Robot
 from basenet_jax.task.picking import Reason, pick
 from basenet_jax.world.boxes import Room
 from basenet_jax.world.generate import draw_problem
+from basenet_jax.world.grasps import top_down
 
 RADIUS_M = 1.2  # base poses are drawn this near to the grasp
 _DRAWN_AT_ONCE = 16_384
@@ -50,7 +51,7 @@ def draw_populations(robot: Robot, seed: int, count: int, world: WorldConfig = W
             keys[1:]
         )
         base_pose = _around(keys[0], grasp)
-        return base_pose, grasp, pick(robot, base_pose, grasp, room, world.pick).reason
+        return base_pose, grasp, pick(robot, base_pose, top_down(grasp), room, world.pick).reason
 
     clear, feasible, drawn, rounds = [], [], 0, 0
     while sum(map(len, feasible)) < count or sum(map(len, clear)) < count:

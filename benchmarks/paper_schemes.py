@@ -87,7 +87,7 @@ def _plan_staying(robot: Robot, weights: Weights, scene: Scene, world: WorldConf
         here = picks.feasible & remaining
         fastest = jnp.argmin(jnp.where(here, picks.time, jnp.inf))
         slot = jnp.where(jnp.any(here), fastest, learned(pose, remaining))
-        return slot, jnp.where(here[slot], pose, weights.base_pose(scene.grasps[slot], pose))
+        return slot, jnp.where(here[slot], pose, weights.base_pose(scene.first_grasp[slot], pose))
 
     return _roll_out(scene, choose)
 

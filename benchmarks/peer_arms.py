@@ -17,9 +17,10 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from basenet_jax.robot.kinematics import components, forward_kinematics
+from basenet_jax.robot.kinematics import forward_kinematics
 from basenet_jax.robot.model import Robot
-from basenet_jax.task.arm_solutions import Picks, tool_target
+from basenet_jax.task.arm_solutions import make_picks, tool_target
+from basenet_jax.world.grasps import top_down
 
 TOOL_SITE = "tool0"
 
@@ -47,8 +48,8 @@ def grasp_poses(robot: Robot, base_pose: Float[np.ndarray, "B 3"], grasp: Float[
         grasp: tool0's (x, y, z, yaw) in W.
     """
     with jax.enable_x64(True):
-        picks = Picks(*(components(jnp.asarray(array, float)) for array in (base_pose, grasp)))
-        target = jax.jit(tool_target)(robot, picks, 0.0, 0.0)
+        picks = make_picks(jnp.asarray(base_pose, float), top_down(jnp.asarray(grasp, float)))
+        target = jax.jit(tool_target)(robot, picks.by(jnp.zeros(len(grasp), int)), 0.0, 0.0)
         position = jnp.stack(target.origin, axis=-1)
         columns = [jnp.broadcast_to(jnp.stack(jnp.broadcast_arrays(*axis), -1), position.shape) for axis in target[:3]]
         return homogeneous(np.asarray(position), np.asarray(jnp.stack(columns, axis=-1)))

@@ -21,6 +21,7 @@ from basenet_jax.robot.model import Robot
 from basenet_jax.robot.reading import load_robot
 from basenet_jax.task.picking import Pick, pick
 from basenet_jax.world.boxes import Room
+from basenet_jax.world.grasps import top_down
 from benchmarks import peer_arms
 from benchmarks.harness import Options, Report, parse, speed_table
 from benchmarks.pairs import RADIUS_M, Pairs, draw_populations
@@ -79,7 +80,7 @@ def _measure(robot: Robot, kind: str, pairs: Pairs, batch: int, options: Options
     room = Room.from_config(world.table)
 
     def evaluate(base_pose: jax.Array, grasp: jax.Array) -> Pick:
-        return pick(robot, base_pose, grasp, room, world.pick)
+        return pick(robot, base_pose, top_down(grasp), room, world.pick)
 
     calls = [tuple(map(jax.device_put, part)) for part in _parts(pairs, batch)]
     timing = measure(evaluate, calls, repeats=options.repeats)

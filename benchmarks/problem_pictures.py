@@ -68,14 +68,20 @@ def reach(robot: bn.Robot, scene: Scene, pose: np.ndarray) -> Figure:
     figure, axes = _from_above(scene)
     _base(axes, robot, pose)
     mount = to_world(pose, np.asarray(robot.mount_position)[None, :2])[0]
-    if within := arm_reach(robot, float(np.min(np.asarray(scene.grasps)[:, 2]))):
+    if within := arm_reach(robot, float(np.min(np.asarray(scene.first_grasp)[:, 2]))):
         axes.add_patch(Circle(tuple(mount), within[1], fc=REACH, alpha=0.12, ec="none", zorder=1.5))
     axes.plot(*mount, "o", color=BASE, ms=5, zorder=7)
     picks = jax.jit(bn.pick)(robot, np.tile(pose, (len(scene.mask), 1)), scene.grasps, scene.room)
     for slot, feasible in enumerate(np.asarray(picks.feasible)):
         x, y = scene.object_pose[slot][:2].tolist()
         if feasible:
-            axes.plot([mount[0], scene.grasps[slot][0]], [mount[1], scene.grasps[slot][1]], color=_GOOD, lw=1, zorder=2)
+            axes.plot(
+                [mount[0], scene.first_grasp[slot][0]],
+                [mount[1], scene.first_grasp[slot][1]],
+                color=_GOOD,
+                lw=1,
+                zorder=2,
+            )
             seconds = f"{float(picks.time[slot]):.1f} s"
             axes.annotate(seconds, (x + 0.13, y), va="center", color=_GOOD, weight="bold", zorder=8)
         else:

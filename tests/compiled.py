@@ -26,6 +26,7 @@ from basenet_jax.task.picking import Pick, Reason
 from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.world import clearance, generate
 from basenet_jax.world.boxes import Room
+from basenet_jax.world.grasps import top_down
 from basenet_jax.world.scene import BY_SLOT, Scene
 
 SLOTS, BATCH = 6, 4
@@ -89,10 +90,10 @@ def pick(
     config: PickConfig = PickConfig(),
     **more: Any,
 ) -> Pick:
-    """`picking.pick` of any batch."""
-    batch, rows = _flat(base_pose, grasp)
+    """`picking.pick` of any batch, by one top-down grasp each: x, y, z, yaw of tool0 in W."""
+    batch, (poses, grasps) = _flat(base_pose, grasp)
     call = functools.partial(_pick, jax.device_get(robot), config=config, **more)
-    return _shaped(by_rows(call, *rows, _tables(room, batch)), batch)
+    return _shaped(by_rows(call, poses, top_down(grasps, np), _tables(room, batch)), batch)
 
 
 def navigation_time(
@@ -142,7 +143,8 @@ def with_slots(scene: Scene, slots: int) -> Scene:
     assert not np.any(scene.mask[..., slots:]), "slots in use can't be left out"
     which = np.minimum(np.arange(slots), scene.mask.shape[-1] - 1)
     axis = scene.mask.ndim - 1
-    fields = {name: np.take(getattr(scene, name), which, axis) for name in BY_SLOT}
+    own = {name: getattr(scene, name) for name in BY_SLOT}
+    fields = jax.tree.map(lambda x: np.take(x, which, axis), own)
     used = scene.mask[..., which] & (np.arange(slots) < scene.mask.shape[-1])
     return dataclasses.replace(scene, **fields | {"mask": used})
 

@@ -10,6 +10,7 @@ import numpy as np
 from basenet_jax.robot.reading import load_robot
 from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.world.boxes import Room
+from basenet_jax.world.grasps import of_class
 from basenet_jax.world.scene import Scene
 from tests import compiled
 
@@ -23,7 +24,7 @@ def scenes() -> Scene:
     return Scene(
         object_pose=jnp.stack([pose, pose + jnp.array([0.0, 0.03, 0.0]), pose + jnp.array([0.05, 0.0, 0.1])]),
         object_size=jnp.tile(jnp.array([0.08, 0.08, 0.082]), (3, 2, 1)),
-        object_grasp=jnp.tile(jnp.array([-0.06, 0.30, 0.0]), (3, 2, 1)),
+        object_grasps=of_class(jnp.tile(jnp.array([-0.06, 0.30, 0.0]), (3, 2, 1))),
         object_class=jnp.full((3, 2), 3),
         mask=jnp.ones((3, 2), bool),
         surface_height=jnp.full((3, 2), 0.75),
@@ -59,6 +60,7 @@ def made_up_outcome() -> Outcome:
         navigation_time=jnp.array([8.0, 0.0]),
         pick_time=jnp.full(2, 9.0),
         joints=jnp.tile(jnp.asarray(load_robot().stow), (2, 5, 1)),
+        grasp=jnp.zeros(2, int),
     )
 
 

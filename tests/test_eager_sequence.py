@@ -51,7 +51,7 @@ def steps(learner, weights, scenes):
 
 
 def test_same_logits(learner, weights, scenes):
-    expected = learner.network.apply(weights.sequence, scenes.grasps, scenes.robot_start, scenes.mask)
+    expected = learner.network.apply(weights.sequence, scenes.first_grasp, scenes.robot_start, scenes.mask)
     given = as_tensors(scenes)
     with torch.no_grad():
         found = GraspSequence().load(weights.sequence)(given.grasps, given.robot_start, given.mask).numpy()
@@ -71,7 +71,9 @@ def test_same_greedy_episodes(learner, eager, scenes, steps):
 def test_same_gradient(learner, eager, weights, scenes, steps):
     advantage = jnp.linspace(-1.0, 1.0, EPISODES)
     weight = learner.config.navigation_weight * advantage
-    expected, _ = jax.jit(partial(policy_gradient, learner.network))(weights.sequence, scenes.grasps, steps, weight)
+    expected, _ = jax.jit(partial(policy_gradient, learner.network))(
+        weights.sequence, scenes.first_grasp, steps, weight
+    )
     episodes = eager.play(eager.policy, as_tensors(scenes), greedy=True)
     eager.optimizer.zero_grad()
     eager.loss(episodes, torch.tensor(np.asarray(advantage))).backward()

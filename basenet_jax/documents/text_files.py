@@ -58,6 +58,24 @@ def inside(path: Path, folder: Path) -> Path | None:
         return None
 
 
+def find_file(name: str, start: Path, folder: Path, field: str) -> Path:
+    """The file that a field of a document names.
+
+    Args:
+        name: as it stands there.
+        start: that it is relative to.
+        folder: resolved, which it must be in, or below.
+        field: for the message.
+
+    Raises:
+        DocumentError: there is no such file in the folder or below.
+    """
+    found = inside(start / name, folder) if name.isprintable() and not Path(name).is_absolute() else None
+    if found is None:
+        raise field_error(field, describe(name), "are files in the scene file's folder or below, links followed")
+    return found
+
+
 def read_bytes(path: Path, limit: int) -> bytes:
     """The content of a file of up to `limit` bytes.
 

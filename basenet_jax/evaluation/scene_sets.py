@@ -83,4 +83,5 @@ def _stack(group: Sequence[tuple[str, Scene]]) -> SceneSet:
 
 def _without_empty_slots(scene: NamedScene) -> Scene:
     count, arrays = len(scene.names), scene.arrays
-    return dataclasses.replace(arrays, **{name: getattr(arrays, name)[:count] for name in BY_SLOT})
+    own = {name: getattr(arrays, name) for name in BY_SLOT}
+    return dataclasses.replace(arrays, **jax.tree.map(lambda x: x[:count], own))

@@ -15,6 +15,7 @@ from basenet_jax.robot.model import Robot
 from basenet_jax.task.picking import Reason, pick
 from basenet_jax.world.boxes import Room
 from basenet_jax.world.generate import draw_problem
+from basenet_jax.world.grasps import top_down
 
 _PAIRS_AT_ONCE = 512  # of grasp and base pose
 
@@ -75,7 +76,7 @@ def serve(
         seed: of the order.
     """
     found = Served(len(grasps))
-    near = np.asarray(within_reach(robot, jnp.asarray(base_poses[None]), jnp.asarray(grasps[:, None])))
+    near = np.asarray(within_reach(robot, jnp.asarray(base_poses[None]), jnp.asarray(grasps[:, None, :3])))
     order = np.random.default_rng(seed).permuted(np.tile(np.arange(len(base_poses)), (len(grasps), 1)), axis=1)
     waiting = [[pose for pose in own if near[grasp, pose]] for grasp, own in enumerate(order)]
     while True:
@@ -103,5 +104,5 @@ def serve(
 def _pick(
     robot: Robot, base_pose: Float[Array, "P 3"], grasp: Float[Array, "P 4"], room: Room, world: WorldConfig
 ) -> tuple[Array, Array]:
-    picks = pick(robot, jnp.asarray(base_pose), jnp.asarray(grasp), room, world.pick)
+    picks = pick(robot, jnp.asarray(base_pose), top_down(grasp), room, world.pick)
     return picks.reason, picks.time

@@ -19,6 +19,7 @@ from basenet_jax.task.picking import ArmCheck, Reason, pick
 from basenet_jax.world.boxes import Room
 from basenet_jax.world.clearance import base_collides, capsules_touch
 from basenet_jax.world.generate import draw_problem
+from basenet_jax.world.grasps import top_down
 
 _GUESSES = 64  # of which nearly always one makes sense
 
@@ -48,7 +49,7 @@ def try_base_pose(
 
     An unreachable base pose counts as a collision.
     """
-    picks = pick(robot, base_pose, grasp, room, world.pick, arm_check)
+    picks = pick(robot, base_pose, top_down(grasp), room, world.pick, arm_check)
     drive = navigation_time(robot, robot_pose, base_pose, room, world.navigation)
     collision = (picks.reason == Reason.BASE_COLLIDES) | ~jnp.isfinite(drive)
     success = picks.feasible & ~collision
@@ -134,7 +135,7 @@ class BasePoseEnv(Env):
         base_pose = base_pose_from_action(actions, grasp, self.frame)
         pick = self.world.pick
         clear = ~base_collides(self.robot, base_pose, self.room, pick.base_clearance_m, pick.touching_m)
-        sensible = (clear & within_reach(self.robot, base_pose, grasp)).at[-1].set(True)
+        sensible = (clear & within_reach(self.robot, base_pose, grasp[..., :3])).at[-1].set(True)
         first = jnp.argmax(sensible, axis=0)
         return jnp.take_along_axis(actions, first[None, ..., None], axis=0)[0]
 

@@ -171,7 +171,7 @@ class Reinforce:
             steps = self.play(state.params, scenes, play_key, greedy=False)
             cost = advantage = self.cost(steps)
         weight = self.config.navigation_weight * advantage
-        gradient, entropy = self.gradient(state.params, scenes.grasps, steps, weight)
+        gradient, entropy = self.gradient(state.params, scenes.first_grasp, steps, weight)
         change, optimizer = self.optimizer.update(gradient, state.optimizer, state.params)
         metrics = {"cost": jnp.mean(cost), "advantage": jnp.mean(advantage), "entropy": entropy}
         state = dataclasses.replace(

@@ -64,14 +64,14 @@ def make_library(
     scenes = _single_objects(key, room, count, own_class_share, world)
     objects = dataclasses.replace(
         scenes,
-        **{name: getattr(scenes, name)[:, 0] for name in BY_SLOT},
+        **{name: jax.tree.map(lambda x: x[:, 0], getattr(scenes, name)) for name in BY_SLOT},
         robot_start=scenes.robot_start[0],
         room=room,
     )
     picks = check_candidates(robot, objects, prepared.poses, world=world).pick_time
     first = prepared.first_drives(robot, scenes.robot_start)
     library = Library(
-        grasps=objects.grasps,
+        grasps=objects.first_grasp,
         position=objects.object_pose[:, :2],
         radius=footprint_radius(objects.object_size, world.scene),
         pick_time=picks.T,

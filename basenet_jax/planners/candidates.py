@@ -21,6 +21,7 @@ from basenet_jax.task.picking import Reason, estimate_pick_time, pick
 from basenet_jax.trigonometry import sin_cos
 from basenet_jax.world.boxes import Room
 from basenet_jax.world.clearance import compiled_base_collides
+from basenet_jax.world.grasps import Grasps
 from basenet_jax.world.scene import Scene
 
 PAIRS_AT_ONCE = 9_216  # of pose and object, checked in one round: all that are near in most scenes of ten objects
@@ -91,13 +92,14 @@ def check_candidates(
         pairs_at_once: checked in one round; one round for all that are near is fastest.
     """
     poses, grasps = jnp.asarray(base_pose), scene.grasps
-    near = within_reach(robot, poses[:, None], grasps) & scene.mask
+    near = may_reach(robot, poses[:, None], grasps) & scene.mask
+    slots = len(scene.mask)
     if not near.size:
-        unserved = jnp.full(len(grasps), int(Reason.BASE_COLLIDES), jnp.int32)
+        unserved = jnp.full(slots, int(Reason.BASE_COLLIDES), jnp.int32)
         return Candidates(poses, near, jnp.zeros(near.shape), unserved)
 
     def check(pair: Int[Array, " P"]) -> tuple[Array, Array]:
-        pose, slot = jnp.divmod(pair, len(grasps))
+        pose, slot = jnp.divmod(pair, slots)
         picks = pick(robot, poses[pose], grasps[slot], scene.room, world.pick)
         return jnp.where(picks.feasible, picks.time, jnp.inf), picks.reason
 
@@ -130,7 +132,7 @@ def only_reachable(robot: Robot, drives: Drives, scene: Scene, candidates: Candi
 def estimate_times(
     robot: Robot,
     base_pose: Float[Array, "K 3"],
-    grasps: Float[Array, "*batch M 4"],
+    grasps: Grasps,
     mask: Bool[Array, "*batch M"],
     config: PickConfig = PickConfig(),
     *,
@@ -141,14 +143,15 @@ def estimate_times(
     Args:
         robot: the robot.
         base_pose: that don't collide with the table.
-        grasps: of the objects, in W.
+        grasps: of the objects, in W, "*batch M G".
         mask: which of them there are.
         config: of the picks.
         pairs_at_once: estimated in one round.
     """
-    near = within_reach(robot, base_pose[:, None], grasps[..., None, :, :]) & mask[..., None, :]
+    near = may_reach(robot, base_pose[:, None], jax.tree.map(lambda x: jnp.expand_dims(x, mask.ndim - 1), grasps))
+    near &= mask[..., None, :]
     poses, slots = near.shape[-2:]
-    flat = grasps.reshape(-1, 4)
+    flat = jax.tree.map(lambda x: x.reshape(-1, *x.shape[mask.ndim :]), grasps)
 
     def estimate(pair: Int[Array, " P"]) -> tuple[Array]:
         row, slot = jnp.divmod(pair, slots)
@@ -185,14 +188,20 @@ def join(first: Candidates, second: Candidates) -> Candidates:
     return Candidates(poses, serves, pick_time, jnp.where(jnp.any(serves, axis=0), Reason.NONE, farthest))
 
 
+def may_reach(robot: Robot, base_pose: Float[Array, "*batch 3"], grasps: Grasps) -> Bool[Array, "*batch"]:
+    """Whether one of an object's grasps is `within_reach`."""
+    inside = within_reach(robot, base_pose[..., None, :], grasps.pose[..., :3])
+    return jnp.any(inside & grasps.there, axis=-1)
+
+
 def within_reach(
-    robot: Robot, base_pose: Float[Array, "*batch 3"], grasp: Float[Array, "*batch 4"]
+    robot: Robot, base_pose: Float[Array, "*batch 3"], position: Float[Array, "*batch 3"]
 ) -> Bool[Array, "*batch"]:
-    """Whether a grasp is inside the sphere that the arm can't leave: necessary for a pick, cheap to know."""
+    """Whether a position (m) of tool0 in W is inside the sphere that it can't leave: necessary, cheap to know."""
     center, radius = reach_sphere(robot)
     in_base = robot.mount_position + robot.mount_rotation @ center
     sine, cosine = sin_cos(base_pose[..., 2])
     x = base_pose[..., 0] + cosine * in_base[0] - sine * in_base[1]
     y = base_pose[..., 1] + sine * in_base[0] + cosine * in_base[1]
-    square = (grasp[..., 0] - x) ** 2 + (grasp[..., 1] - y) ** 2 + (grasp[..., 2] - in_base[2]) ** 2
+    square = (position[..., 0] - x) ** 2 + (position[..., 1] - y) ** 2 + (position[..., 2] - in_base[2]) ** 2
     return square <= (radius + REACH_MARGIN) ** 2

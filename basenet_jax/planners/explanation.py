@@ -11,6 +11,7 @@ from basenet_jax.planners.protocol import PlannerSetup
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.picking import Reason, pick
 from basenet_jax.world.boxes import Room
+from basenet_jax.world.grasps import Grasps
 from basenet_jax.world.scene import Scene
 
 
@@ -32,6 +33,6 @@ def count_reasons(setup: PlannerSetup, scene: Scene) -> Int[np.ndarray, "M reaso
 
 @jax.jit(static_argnames="config")
 def _count(
-    robot: Robot, base_pose: Float[Array, "K 3"], grasp: Float[Array, "4"], room: Room, config: PickConfig
+    robot: Robot, base_pose: Float[Array, "K 3"], grasps: Grasps, room: Room, config: PickConfig
 ) -> Int[Array, " reasons"]:
-    return jnp.bincount(pick(robot, base_pose, grasp, room, config).reason, length=len(Reason))
+    return jnp.bincount(pick(robot, base_pose, grasps, room, config).reason, length=len(Reason))

@@ -118,4 +118,4 @@ def _coverage(robot: Robot, scene: Scene, candidates: Candidates, drives: Drives
 
 @jax.jit
 def _grasps(scene: Scene) -> Float[Array, "M 4"]:
-    return scene.grasps
+    return scene.first_grasp

@@ -22,6 +22,7 @@ from basenet_jax.robot.model import Robot
 from basenet_jax.task.picking import pick
 from basenet_jax.task.prepared_world import PreparedWorld
 from basenet_jax.world.boxes import Room
+from basenet_jax.world.grasps import Grasps
 from basenet_jax.world.scene import Scene
 
 TOLERANCE_S = 0.02  # refinement changes less
@@ -64,9 +65,10 @@ def settle(
     at_once = min(at_once, count)
 
     def improve(index: Array, state: Settled) -> Settled:
-        own = stop_scenes(robot, prepared, rounds.take(scenes, index, axis=0), state.pick_time)
+        some = rounds.take(scenes, index, axis=0)
+        own = stop_scenes(robot, prepared, some, state.pick_time)
         plan = choose(own)
-        checked, holds = _check(robot, room, prepared, own, plan, world)
+        checked, holds = _check(robot, room, prepared, some.grasps, own, plan, world)
         return Settled(checked, plan, holds)
 
     slots = jnp.full(scenes.mask.shape, -1, jnp.int32)
@@ -78,18 +80,24 @@ def settle(
 def stop_scenes(robot: Robot, prepared: PreparedWorld, scenes: Scene, pick_time: Float[Array, "B K M"]) -> StopScene:
     """A batch of scenes on the graph, by these pick times (s)."""
     first_drive = prepared.first_drives(robot, scenes.robot_start)
-    return _make_scenes(prepared, pick_time, first_drive, scenes.robot_start, scenes.grasps, scenes.mask)
+    return _make_scenes(prepared, pick_time, first_drive, scenes.robot_start, scenes.first_grasp, scenes.mask)
 
 
 def _check(
-    robot: Robot, room: Room, prepared: PreparedWorld, own: StopScene, plan: StopPlan, world: WorldConfig
+    robot: Robot,
+    room: Room,
+    prepared: PreparedWorld,
+    grasps: Grasps,
+    own: StopScene,
+    plan: StopPlan,
+    world: WorldConfig,
 ) -> tuple[Float[Array, "B K M"], Bool[Array, " B"]]:
     """The pick times with those that the plans use made exact, and whether all of these were right."""
     used = plan.picked_at >= 0
     stop = jnp.take_along_axis(plan.stops, jnp.maximum(plan.picked_at, 0), axis=-1)
     scene, slot = jnp.indices(stop.shape)
     thought = own.pick_time[scene, stop, slot]
-    picks = pick(robot, prepared.poses[stop], own.grasps, room, world.pick)
+    picks = pick(robot, prepared.poses[stop], grasps, room, world.pick)
     exact = jnp.where(picks.feasible, picks.time, jnp.inf)
     right = ~used | (jnp.abs(exact - thought) <= TOLERANCE_S)
     corrected = own.pick_time.at[scene, stop, slot].set(jnp.where(used, exact, thought))

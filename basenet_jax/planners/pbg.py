@@ -58,7 +58,7 @@ def nearest_first(robot: Robot, scene: Scene, candidates: Candidates, drives: Dr
     Returns:
         The steps, and for each slot the reason it has if no step found it.
     """
-    grasp, serves = scene.grasps[:, :2], candidates.serves.T
+    grasp, serves = scene.first_grasp[:, :2], candidates.serves.T
     ends = drives.ends(robot, candidates.base_pose)
 
     def step(state: tuple[Array, Array], _: None) -> tuple[tuple[Array, Array], Steps]:

@@ -29,11 +29,12 @@ from basenet_jax.geometry import relative
 from basenet_jax.planners.candidates import Candidates, check_candidates, join, only_reachable
 from basenet_jax.planners.protocol import PlannerSetup
 from basenet_jax.robot.ik import damped_least_squares, residual
-from basenet_jax.robot.kinematics import components, reach_sphere
+from basenet_jax.robot.kinematics import reach_sphere
 from basenet_jax.robot.model import Robot
 from basenet_jax.task import arm_solutions
 from basenet_jax.task.picking import Reason
 from basenet_jax.weights_file import load_weights, save_weights
+from basenet_jax.world.grasps import top_down
 from basenet_jax.world.scene import MAX_OBJECTS, Scene
 
 # Of map files; the number goes up whenever maps are computed in another way.
@@ -115,7 +116,7 @@ def map_candidates(reach_map: ReachabilityMap, scene: Scene, base_pose: Float[Ar
     layers, side, _, turns = reach_map.reachable.shape
     if layers != len(scene.mask):
         raise ValueError(f"reach_map: found {layers} layers, needs one for each of the scene's {len(scene.mask)} slots")
-    in_tool = relative(scene.grasps[:, jnp.array([0, 1, 3])], base_pose[:, None])
+    in_tool = relative(scene.first_grasp[:, jnp.array([0, 1, 3])], base_pose[:, None])
     # What lies outside the window is counted to its border, which is unreachable too.
     cell = jnp.clip(jnp.round(in_tool[..., :2] / reach_map.step_m) + reach_map.origin, 0, side - 1).astype(jnp.int32)
     turn = jnp.round(in_tool[..., 2] * (turns / (2.0 * jnp.pi))).astype(jnp.int32) % turns
@@ -150,9 +151,9 @@ def _sweep(
 
     def layer(index: Array, layers: Array) -> Array:
         def reached(base_pose: Array) -> Array:
-            zero = jnp.zeros(len(base_pose), heights.dtype)
-            grasp = (zero, zero, zero + heights[index], zero)  # W is the tool's planar frame here
-            return _solution_exists(robot, arm_solutions.Picks(components(base_pose), grasp), config)
+            grasp = jnp.zeros((len(base_pose), 4), heights.dtype).at[:, 2].set(heights[index])
+            # W is the tool's planar frame here
+            return _solution_exists(robot, arm_solutions.make_picks(base_pose, top_down(grasp)), config)
 
         return layers.at[index].set(rounds.in_chunks(reached, bins, config.chunk).reshape(shape))
 
@@ -325,7 +326,7 @@ class MapStore:
 
 @jax.jit
 def _grasp_height(scene: Scene) -> Float[Array, " M"]:
-    return scene.grasps[:, 2]
+    return scene.first_grasp[:, 2]
 
 
 class CandidateSource:

@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 from basenet_jax.config import PickConfig
 from basenet_jax.robot.model import Robot
 from basenet_jax.task import arm_solutions
+from basenet_jax.world.grasps import top_down
 
 _STEP_M = 0.01
 _FARTHEST_M = 2.5
@@ -37,5 +38,6 @@ def arm_reach(robot: Robot, height: float, config: PickConfig = PickConfig()) ->
 def _reached(robot: Robot, distance: Float[Array, " D"], height: Array, config: PickConfig) -> Bool[Array, " D"]:
     zero = jnp.zeros_like(distance)
     x, y = robot.mount_position[0] + distance, robot.mount_position[1] + zero
-    picks = arm_solutions.Picks((zero, zero, zero), (x, y, height + zero, zero))
+    grasps = top_down(jnp.stack([x, y, height + zero, zero], axis=-1))
+    picks = arm_solutions.make_picks(jnp.zeros((len(distance), 3)), grasps)
     return jnp.any(jnp.isfinite(arm_solutions.solve(robot, picks, config).estimate), axis=0)

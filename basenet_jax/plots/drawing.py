@@ -114,7 +114,7 @@ def _draw_reach(axes: Axes, robot: Robot, scene: Scene, plan: Plan, outcome: Out
 
     What isn't grasped doesn't count: it may be lower than the arm reaches anywhere.
     """
-    heights = np.asarray(scene.grasps)[plan.object_index[outcome.feasible], 2]
+    heights = np.asarray(scene.first_grasp)[plan.object_index[outcome.feasible], 2]
     reach = arm_reach(robot, float(np.min(heights))) if len(heights) else None
     if reach is None:
         return
@@ -135,7 +135,7 @@ def _draw_objects(axes: Axes, scene: Scene, plan: Plan, outcome: Outcome, size: 
         pose, extent = scene.object_pose[slot], scene.object_size[slot]
         color = CLASS_COLORS[int(scene.object_class[slot])]
         axes.add_patch(Polygon(rectangle(pose, extent[:2] / 2), fc=color, ec="black", lw=0.8, zorder=3))
-        x, y, _, yaw = scene.grasps[slot]
+        x, y, _, yaw = scene.first_grasp[slot]
         span = 0.05 * np.array([-np.sin(yaw), np.cos(yaw)])
         axes.plot([x - span[0], x + span[0]], [y - span[1], y + span[1]], color="black", lw=1.6, zorder=4)
         for step in np.flatnonzero(plan.object_index == slot):
@@ -159,7 +159,7 @@ def _draw_stops(axes: Axes, robot: Robot, scene: Scene, plan: Plan, outcome: Out
             path = np.array([before[:2], *(leg.after[:2] for leg in legs)])
             axes.plot(path[:, 0], path[:, 1], color=PATH, lw=1.4, ls=(0, (5, 2)), zorder=2)
             before = pose
-        grasp, mount = scene.grasps[plan.object_index[step]], _mount(robot, pose)
+        grasp, mount = scene.first_grasp[plan.object_index[step]], _mount(robot, pose)
         if outcome.feasible[step]:
             axes.plot([mount[0], grasp[0]], [mount[1], grasp[1]], color=PICK, lw=0.8, zorder=2)
     stops = stops_of(plan, outcome)

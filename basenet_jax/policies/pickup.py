@@ -70,7 +70,7 @@ def rollout(
         sizes: numbers of objects, falling from M, that choices are made for; each is a program of its own. By default
             those of `compact_sizes`, on which the network is faster.
     """
-    grasps = scene.grasps
+    grasps = scene.first_grasp
     slots = grasps.shape[-2]
 
     sizes = tuple(sizes or compact_sizes(slots))
@@ -124,7 +124,7 @@ def choose_learned(network: GraspSequencePolicy, params: Any, scene: Scene, *, g
     """What the sequence policy chooses: the most probable object, or one drawn by its probabilities."""
 
     def choose(state: PickupState, key: Array, most: int) -> Array:
-        logits = remaining_logits(network, params, scene.grasps, state.robot_pose, state.remaining, most=most)
+        logits = remaining_logits(network, params, scene.first_grasp, state.robot_pose, state.remaining, most=most)
         # Where nothing remains all logits are minus infinity, and any choice will do.
         logits = jnp.where(jnp.any(state.remaining, axis=-1, keepdims=True), logits, 0.0)
         noise = 0.0 if greedy is True else jnp.where(greedy, 0.0, jax.random.gumbel(key, logits.shape, logits.dtype))
@@ -138,7 +138,7 @@ def choose_nearest(scene: Scene) -> Choose:
 
     def choose(state: PickupState, key: Array, most: int) -> Array:
         del key, most
-        distance = jnp.linalg.norm(scene.grasps[..., :2] - state.robot_pose[..., None, :2], axis=-1)
+        distance = jnp.linalg.norm(scene.first_grasp[..., :2] - state.robot_pose[..., None, :2], axis=-1)
         return jnp.argmin(jnp.where(state.remaining, distance, jnp.inf), axis=-1)
 
     return choose

@@ -9,6 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from basenet_jax.robot.arm_shapes import self_pairs
 from basenet_jax.robot.fields import RobotFile
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.model_arm import Arm, Capsule
@@ -40,7 +41,7 @@ def build_robot(file: RobotFile, model: mujoco.MjModel, arm: Arm) -> Robot:
         "base_acceleration": np.array([acceleration.linear, acceleration.angular]),
         "deck": np.array([*file.deck.center, *file.deck.size]),
     }
-    return Robot(
+    robot = Robot(
         **leaves,
         name=file.name,
         model_xml="",
@@ -50,6 +51,7 @@ def build_robot(file: RobotFile, model: mujoco.MjModel, arm: Arm) -> Robot:
         closed_form=file.closed_form,
         omnidirectional=file.drive == "omnidirectional",
     )
+    return robot.replace(self_pairs=self_pairs(robot))
 
 
 def _arm_leaves(arm: Arm, model: mujoco.MjModel, capsules: list[Capsule]) -> dict[str, np.ndarray]:

@@ -115,7 +115,7 @@ def damped_least_squares(
         error = _pose_error(target, arm.tool)
         rows = jacobian_rows(robot, arm)
         weight = 0.5 * (dot(error[:3], error[:3]) + dot(error[3:], error[3:])) + damping
-        multipliers = _solve_spd(_gram(rows, weight), error)
+        multipliers = _solve_spd(gram(rows, weight), error)
         change = sum((row * y for row, y in zip(rows, multipliers, strict=True)), jnp.zeros(()))
         shrink = max_step / jnp.maximum(jnp.max(jnp.abs(change), axis=0), max_step)
         return jnp.clip(joints + shrink * change, lower, upper)
@@ -144,8 +144,8 @@ def _halve(vector: Vector) -> Vector:
     return (0.5 * vector[0], 0.5 * vector[1], 0.5 * vector[2])
 
 
-def _gram(rows: tuple[Array, ...], weight: Array) -> list[list[Array]]:
-    """The lower triangle of J J^T + weight I."""
+def gram(rows: tuple[Array, ...], weight: Array) -> list[list[Array]]:
+    """The lower triangle of J J^T + weight I, from the rows of J."""
     products = [[jnp.sum(rows[i] * rows[j], axis=0) for j in range(i + 1)] for i in range(len(rows))]
     for i, row in enumerate(products):
         row[i] = row[i] + weight

@@ -96,6 +96,34 @@ def chain(robot: Robot, joints: Float[Array, "dof *batch"]) -> Chain:
     return Chain(attach(last, robot.tool_rotation, robot.tool_position), axes, origins)
 
 
+def link_frames(robot: Robot, joints: Float[Array, "dof *batch"]) -> Frame:
+    """All links' frames in the mobile base's frame, from the arm's base (link 0) on: leaves are "dof+1 *batch"."""
+
+    def step(frame: Frame, joint: tuple) -> tuple[Frame, Frame]:
+        rotation, position, angle, slide = joint
+        frame = turn(attach(frame, rotation, position), angle)
+        frame = frame._replace(origin=add(frame.origin, scale(slide, frame.z)))
+        return frame, frame
+
+    sliding = _sliding(robot, joints)
+    stages = (robot.joint_rotation, robot.joint_position, jnp.where(sliding, 0, joints), jnp.where(sliding, joints, 0))
+    root = jax.tree.map(lambda x: jnp.broadcast_to(x, joints.shape[1:]).astype(joints.dtype), mount_frame(robot))
+    _, moving = jax.lax.scan(step, root, stages)
+    return jax.tree.map(lambda first, rest: jnp.concatenate([first[None], rest]), root, moving)
+
+
+def capsule_ends(robot: Robot, joints: Float[Array, "dof *batch"]) -> tuple[Vector, Vector]:
+    """Both ends of the arm's capsules in the mobile base's frame (m): components are "capsules *batch"."""
+    frames = link_frames(robot, joints)
+    own = jax.tree.map(lambda x: x[np.array(robot.capsule_link)], frames)
+    per_capsule = (-1, *(1,) * (joints.ndim - 1))
+
+    def placed(points: Float[Array, "capsules 3"]) -> Vector:
+        return transform(own, tuple(jnp.reshape(points[:, axis], per_capsule) for axis in range(3)))
+
+    return placed(robot.capsule_start), placed(robot.capsule_end)
+
+
 def jacobian_rows(robot: Robot, chain: Chain) -> tuple[Float[Array, "dof *batch"], ...]:
     """The rows of the geometric Jacobian: turning joints move the tool by z x (tool - origin), sliding ones by z."""
     lever = tuple(chain.tool.origin[k] - chain.origins[k] for k in range(3))

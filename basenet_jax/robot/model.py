@@ -44,6 +44,7 @@ class Robot:
     prismatic: tuple[bool, ...] = struct.field(pytree_node=False)
     capsule_link: tuple[int, ...] = struct.field(pytree_node=False)  # i: after joint i; in increasing order
     closed_form: str | None = struct.field(pytree_node=False)
+    self_pairs: tuple[tuple[int, int], ...] = struct.field(pytree_node=False, default=())  # capsules, see `arm_shapes`
     omnidirectional: bool = struct.field(pytree_node=False, default=False)  # the base moves in any direction
 
     @property

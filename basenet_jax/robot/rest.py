@@ -8,7 +8,6 @@ refused.)
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -16,18 +15,11 @@ from jaxtyping import Float
 
 from basenet_jax.config import PickConfig
 from basenet_jax.documents.fields import DocumentError, field_error
+from basenet_jax.robot.arm_shapes import ArmShapes, arm_shapes
 from basenet_jax.robot.model import Robot
 
 _DIRECTIONS = 32  # in which the arm may reach out; between two of them it reaches half a millimetre farther at most
 _ROUNDS = 40  # of a ternary search: (2/3)^40 of a link is less than rounding
-
-
-class _Shapes(NamedTuple):
-    """The capsules (m of them) at S joint states, in the base's frame (m)."""
-
-    start: Float[np.ndarray, "S m 3"]
-    end: Float[np.ndarray, "S m 3"]
-    radius: Float[np.ndarray, " m"]
 
 
 def check_body(robot: Robot, config: PickConfig = PickConfig()) -> None:
@@ -41,7 +33,7 @@ def check_body(robot: Robot, config: PickConfig = PickConfig()) -> None:
         DocumentError: it does; the message names the joints, the link and what is allowed.
     """
     robot, states = jax.device_get(robot), _states(robot, config)
-    shapes = _shapes(robot, states)
+    shapes = arm_shapes(robot, states)
     center, half = np.asarray(robot.body_center), np.asarray(robot.body_half_size)
 
     def distance(point: np.ndarray) -> np.ndarray:
@@ -67,7 +59,7 @@ def check_tables(robot: Robot, height: float, config: PickConfig = PickConfig())
         DocumentError: it may; the message names the joints, the link and what is allowed.
     """
     robot, states = jax.device_get(robot), _states(robot, config)
-    reach = _reach(robot, _shapes(robot, states), height)
+    reach = _reach(robot, arm_shapes(robot, states), height)
     for state, capsule in np.argwhere(reach > config.base_clearance_m)[:1].tolist():
         does = f"reaches {reach[state, capsule]:.3f} m beyond the footprint below a table's top at {height:.3g} m"
         allowed = f"is {config.base_clearance_m:g} m (base_clearance_m), since the base may stand as near to the table"
@@ -91,27 +83,7 @@ def _fault(
     return field_error(field, f"{where} ({joints}) the link behind {robot.joint_names[link - 1]} {does}", allowed)
 
 
-def _shapes(robot: Robot, states: Float[np.ndarray, "S dof"]) -> _Shapes:
-    robot = jax.tree.map(lambda x: np.asarray(x, float), robot)  # sums in single precision would be off by 1e-7
-    rotation = np.broadcast_to(robot.mount_rotation, (len(states), 3, 3))
-    position = np.broadcast_to(robot.mount_position, (len(states), 3))
-    start, end = np.empty((2, len(states), len(robot.capsule_link), 3))
-    for joint in range(robot.dof):
-        position = position + rotation @ robot.joint_position[joint]
-        rotation = rotation @ robot.joint_rotation[joint]
-        if robot.prismatic[joint]:
-            position = position + states[:, joint, None] * rotation[..., 2]
-        else:
-            cosine, sine = np.cos(states[:, joint, None]), np.sin(states[:, joint, None])
-            x, y, z = np.moveaxis(rotation, -1, 0)
-            rotation = np.stack([cosine * x + sine * y, cosine * y - sine * x, z], axis=-1)
-        for capsule in (index for index, link in enumerate(robot.capsule_link) if link == joint + 1):
-            start[:, capsule] = rotation @ robot.capsule_start[capsule] + position
-            end[:, capsule] = rotation @ robot.capsule_end[capsule] + position
-    return _Shapes(start, end, np.asarray(robot.capsule_radius))
-
-
-def _reach(robot: Robot, shapes: _Shapes, height: float) -> Float[np.ndarray, "S m"]:
+def _reach(robot: Robot, shapes: ArmShapes, height: float) -> Float[np.ndarray, "S m"]:
     """How far (m) the part of each capsule below a height lies beyond the footprint; minus infinity: no part does."""
     angle = np.arange(_DIRECTIONS) * (2.0 * np.pi / _DIRECTIONS)
     direction = np.stack([np.cos(angle), np.sin(angle)])
@@ -134,7 +106,7 @@ def _reach(robot: Robot, shapes: _Shapes, height: float) -> Float[np.ndarray, "S
     return np.where(below, farthest.max(axis=-1), -np.inf)
 
 
-def _at(shapes: _Shapes, t: np.ndarray) -> np.ndarray:
+def _at(shapes: ArmShapes, t: np.ndarray) -> np.ndarray:
     """The points at these shares of the way from the capsules' starts to their ends; `t` may have a further axis."""
     start, end = shapes.start, shapes.end
     if t.ndim == 3:

@@ -15,11 +15,12 @@ import numpy as np
 
 from basenet_jax.robot.capsule_fit import Fit
 from basenet_jax.robot.model import Robot
+from basenet_jax.robot.self_contact import PEDESTAL_HALF_M
 
-BASE, BODY, ARM_BASE, TOOL_SITE = "base", "body", "arm base", "tool0"
+BASE, BODY, PEDESTAL, ARM_BASE, TOOL_SITE = "base", "body", "pedestal", "arm base", "tool0"
 BASE_JOINTS = ("base_x", "base_y", "base_heading")
 _DARK, _LIGHT, _MARK = "0.25 0.27 0.30 1", "0.75 0.77 0.80 1", "0.95 0.6 0.1 1"
-_PEDESTAL_M, _BONE_M = 0.10, 0.04  # half the pedestal's sides; the radius of links that have no shape
+_BONE_M = 0.04  # the radius of links that have no shape
 _MARK_HALF_M = (0.02, 0.01)  # half the front mark's length along x and its height
 _SHORT_M = 1e-6  # a capsule shorter than this is a sphere
 
@@ -65,8 +66,8 @@ def _add_body_shapes(base: Element, robot: Robot) -> None:
     SubElement(base, "geom", name=BODY, type="box", size=_text(half), pos=_text(center), rgba=_DARK)
     top, mount = center[2] + half[2], np.asarray(robot.mount_position)
     if mount[2] > top:
-        size, pos = (_PEDESTAL_M, _PEDESTAL_M, (mount[2] - top) / 2), (*mount[:2], (mount[2] + top) / 2)
-        SubElement(base, "geom", name="pedestal", type="box", size=_text(size), pos=_text(pos), rgba=_DARK)
+        size, pos = (PEDESTAL_HALF_M, PEDESTAL_HALF_M, (mount[2] - top) / 2), (*mount[:2], (mount[2] + top) / 2)
+        SubElement(base, "geom", name=PEDESTAL, type="box", size=_text(size), pos=_text(pos), rgba=_DARK)
     long, high = _MARK_HALF_M
     size, pos = (long, 0.6 * half[1], high), (center[0] + half[0] - 1.5 * long, center[1], top + high)
     SubElement(base, "geom", name="front_mark", type="box", size=_text(size), pos=_text(pos), rgba=_MARK)

@@ -1,9 +1,10 @@
 """All arm solutions of picks: the closed form's branches, or damped least squares from a lattice of seeds.
 
-Solutions are numbered so that `number % turns` tells whether the gripper is turned by pi. A chunk of picks is struct
-of arrays: every component has the batch's shape.
+Solutions are numbered grasp by grasp, so that `number % turns` tells whether the gripper is turned by pi. A chunk of
+picks is struct of arrays: every component has the batch's shape.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -11,29 +12,55 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from basenet_jax import rounds
 from basenet_jax.config import PickConfig
 from basenet_jax.robot import ur
 from basenet_jax.robot.ik import damped_least_squares, residual
-from basenet_jax.robot.kinematics import Frame, Vector
+from basenet_jax.robot.kinematics import Frame, Vector, components, scale, subtract
+from basenet_jax.robot.kinematics import turn as turn_about_z
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.timing import joint_move_duration, synchronised_duration
 from basenet_jax.trigonometry import sin_cos
+from basenet_jax.world.grasps import Grasps
 
 Joints = tuple[Array, ...]
 
 
 class Picks(NamedTuple):
-    """A batch of picks: base poses as (x, y, heading) in W, and tool0 at the grasp as (x, y, z, yaw) in W."""
+    """A batch of B picks by one of G grasps each, the batch in the last axis."""
 
-    base_pose: Vector
-    grasp: tuple[Array, ...]
+    base_pose: Vector  # (x, y, heading) in W
+    tool: tuple[Array, ...]  # "G B": x, y, z, roll, pitch, yaw of tool0 in W at the grasps
+    approach: Float[Array, "G B"]  # m; 0: the world's
+    symmetric: Bool[Array, "G B"]
+    there: Bool[Array, "G B"]
+
+    @property
+    def grasps(self) -> int:
+        """G."""
+        return len(self.approach)
+
+    def by(self, grasp: Int[Array, " B"]) -> "Picks":
+        """The picks by one grasp each, without the axis of G."""
+        own = jax.tree.map(lambda x: jnp.take_along_axis(x, grasp[None], axis=0)[0], self[1:])
+        return Picks(self.base_pose, *own)
+
+
+def make_picks(base_pose: Float[Array, "B 3"], grasps: Grasps) -> Picks:
+    """The picks of B objects from as many base poses.
+
+    Args:
+        base_pose: (x, y, heading) in W.
+        grasps: in W, "B G" of them.
+    """
+    tool = components(jnp.swapaxes(grasps.pose, 0, 1))
+    return Picks(components(base_pose), tool, *(x.T for x in (grasps.approach, grasps.symmetric, grasps.there)))
 
 
 class Solutions(NamedTuple):
-    """K solutions of each of B picks."""
+    """K solutions of each of B picks: for each grasp the same number, those of the first grasp first."""
 
     estimate: Float[Array, "K B"]  # s, of the whole cycle before refinement; infinite where there is no solution
     pregrasp: Float[Array, "dof K B"] | None  # None for robots with a closed form
@@ -42,26 +69,53 @@ class Solutions(NamedTuple):
 def solve(robot: Robot, picks: Picks, config: PickConfig, seeds: Float[Array, "seeds dof"] | None = None) -> Solutions:
     """Estimates every solution of every pick; where there is no closed form, from seeds, by default a `lattice`."""
     if robot.closed_form == "ur":
-        return _solve_closed_form(robot, picks, config)
-    return _solve_from_seeds(robot, picks, config, lattice(robot, config.lattice_seeds) if seeds is None else seeds)
+        return _by_grasp(picks, lambda own: _solve_closed_form(robot, own, config))
+    joints = lattice(robot, config.lattice_seeds) if seeds is None else seeds
+    return _by_grasp(picks, lambda own: _solve_from_seeds(robot, own, config, joints))
+
+
+def _by_grasp(picks: Picks, solve_own: Callable[[Picks], Solutions]) -> Solutions:
+    """The solutions of one grasp after the other: a grasp's arrays fit a CPU core's cache, those of all don't."""
+
+    def solve_next(own: tuple) -> Solutions:
+        solutions = solve_own(Picks(picks.base_pose, *own))
+        return solutions._replace(estimate=jnp.where(own[-1], solutions.estimate, jnp.inf))
+
+    estimate, pregrasp = jax.lax.map(solve_next, picks[1:])
+    estimate = estimate.reshape(-1, estimate.shape[-1])
+    if pregrasp is not None:
+        pregrasp = jnp.moveaxis(pregrasp, 0, 1).reshape(pregrasp.shape[1], *estimate.shape)
+    return Solutions(estimate, pregrasp)
 
 
 def waypoints(
     robot: Robot, picks: Picks, solutions: Solutions, choice: Int[Array, " B"], config: PickConfig
 ) -> tuple[Frame, Float[Array, "dof waypoints B"]]:
     """Targets and first joints of the waypoints of one solution of each pick, for the solver to refine."""
-    target = tool_target(robot, picks, heights(config)[:, None], (choice % turns(config)) * jnp.pi)
+    own = picks.by(grasp_of(picks, solutions, choice))
+    target = tool_target(robot, own, _back(own, heights(config)[:, None], config), (choice % turns(config)) * jnp.pi)
     if solutions.pregrasp is None:
-        joints = ur.closed_form(robot, target, ur.branch_signs(choice // turns(config))).joints
+        joints = ur.closed_form(robot, target, ur.branch_signs(choice // turns(config) % ur.BRANCHES)).joints
         shape = (len(heights(config)), len(choice))
         return target, _follow(robot, tuple(jnp.broadcast_to(q, shape) for q in joints))
     start = jnp.take_along_axis(solutions.pregrasp, choice[None, None], axis=1)[:, 0]
     return target, _descend(robot, target, start, config)
 
 
+def grasp_of(picks: Picks, solutions: Solutions, choice: Int[Array, " B"]) -> Int[Array, " B"]:
+    """Which of the G grasps a solution is of."""
+    return choice * picks.grasps // len(solutions.estimate)
+
+
 def heights(config: PickConfig) -> np.ndarray:
-    """Heights of the waypoints above the grasp (m), from pre-grasp to grasp."""
+    """How far (m) the waypoints are back from the grasp, from pre-grasp to grasp, by the world's approach."""
     return np.array([config.pregrasp_height_m, *config.descent_heights_m, 0.0])
+
+
+def _back(picks: Picks, height: ArrayLike, config: PickConfig) -> Array:
+    """How far (m) back from the grasp a height of the world's approach is by each grasp's own."""
+    own = picks.approach * (1.0 / (config.pregrasp_height_m or 1.0))
+    return jnp.where(own > 0, own, 1.0) * height
 
 
 def turns(config: PickConfig) -> int:
@@ -69,25 +123,34 @@ def turns(config: PickConfig) -> int:
     return 2 if config.gripper_symmetric else 1
 
 
-def tool_target(robot: Robot, picks: Picks, height: ArrayLike, turn: ArrayLike) -> Frame:
-    """The tool frame in the arm's base frame, `height` (m) above the grasp, the gripper turned by `turn` (rad).
+def tool_target(robot: Robot, picks: Picks, back: ArrayLike, turn: ArrayLike) -> Frame:
+    """The tool frame in the arm's base frame, `back` (m) from the grasp, the gripper turned by `turn` (rad).
 
-    T_a_t = T_b_a^-1 T_W_b^-1 T_W_t, with R_W_t = Rz(yaw) Rx(pi).
+    T_a_t = T_b_a^-1 T_W_b^-1 T_W_t, with R_W_t = Rz(yaw) Ry(pitch) Rx(roll) Rz(turn), and back along the tool's z.
     """
-    (base_x, base_y, heading), (x, y, z, yaw) = picks.base_pose, picks.grasp
+    (base_x, base_y, heading), (x, y, z, roll, pitch, yaw) = picks.base_pose, picks.tool
     sine, cosine = sin_cos(heading)
     along, across = x - base_x, y - base_y
-    in_base = (cosine * along + sine * across, cosine * across - sine * along, z + height)
-    sine, cosine = sin_cos(yaw - heading + turn)
-    zero = jnp.zeros(())
-    axes = ((cosine, sine, zero), (sine, -cosine, zero), (zero, zero, jnp.full((), -1.0)))
+    in_base = (cosine * along + sine * across, cosine * across - sine * along, z)
+    grasp = turn_about_z(Frame(*_axes(roll, pitch, yaw - heading), in_base), jnp.asarray(turn))
     rows = tuple(tuple(row) for row in robot.mount_rotation)
-    offset = tuple(p - robot.mount_position[k] for k, p in enumerate(in_base))
+    origin = subtract(grasp.origin, scale(jnp.asarray(back), grasp.z))
+    offset = tuple(p - robot.mount_position[k] for k, p in enumerate(origin))
 
     def in_arm(v: Vector) -> Vector:
         return tuple(v[0] * rows[0][k] + v[1] * rows[1][k] + v[2] * rows[2][k] for k in range(3))
 
-    return Frame(*(in_arm(axis) for axis in axes), origin=in_arm(offset))
+    return Frame(in_arm(grasp.x), in_arm(grasp.y), in_arm(grasp.z), in_arm(offset))
+
+
+def _axes(roll: Array, pitch: Array, yaw: Array) -> tuple[Vector, Vector, Vector]:
+    """The columns of Rz(yaw) Ry(pitch) Rx(roll)."""
+    (sin_r, cos_r), (sin_p, cos_p), (sin_y, cos_y) = sin_cos(roll), sin_cos(pitch), sin_cos(yaw)
+    return (
+        (cos_y * cos_p, sin_y * cos_p, -sin_p),
+        (cos_y * sin_p * sin_r - sin_y * cos_r, sin_y * sin_p * sin_r + cos_y * cos_r, cos_p * sin_r),
+        (cos_y * sin_p * cos_r + sin_y * sin_r, sin_y * sin_p * cos_r - cos_y * sin_r, cos_p * cos_r),
+    )
 
 
 def cycle_duration(robot: Robot, pregrasp: Joints, grasp: Joints, config: PickConfig) -> Array:
@@ -101,11 +164,11 @@ def cycle_duration(robot: Robot, pregrasp: Joints, grasp: Joints, config: PickCo
 
 def _solve_closed_form(robot: Robot, picks: Picks, config: PickConfig) -> Solutions:
     """A loop over the branches: as one expression over all of them XLA computes it once for every use of the result."""
-    (batch,) = picks.grasp[0].shape
+    (batch,) = picks.approach.shape
     turn = jnp.arange(turns(config))[:, None] * jnp.pi
-    above = tool_target(robot, picks, config.pregrasp_height_m, turn)
+    above = tool_target(robot, picks, _back(picks, config.pregrasp_height_m, config), turn)
     below = tool_target(robot, picks, 0.0, turn)
-    shape = (turns(config), batch)
+    shape, allowed = (turns(config), batch), (turn == 0) | picks.symmetric
 
     def estimate(branch: Array) -> Array:
         sign = ur.branch_signs(branch)
@@ -116,14 +179,14 @@ def _solve_closed_form(robot: Robot, picks: Picks, config: PickConfig) -> Soluti
             ends[1].shortfall <= config.position_tolerance_m
         )
         duration = cycle_duration(robot, pregrasp, grasp, config)
-        return jnp.broadcast_to(jnp.where(inside & grasp_inside & reached, duration, jnp.inf), shape)
+        return jnp.broadcast_to(jnp.where(inside & grasp_inside & reached & allowed, duration, jnp.inf), shape)
 
     return Solutions(jax.lax.map(estimate, jnp.arange(ur.BRANCHES)).reshape(-1, batch), None)
 
 
 def _solve_from_seeds(robot: Robot, picks: Picks, config: PickConfig, joints: Float[Array, "seeds dof"]) -> Solutions:
     """In rounds of few picks: every one is as many arms as there are seeds and ways to hold the gripper."""
-    every = jax.tree.map(lambda x: jnp.broadcast_to(x, picks.grasp[0].shape), picks)
+    every = jax.tree.map(lambda x: jnp.broadcast_to(x, picks.approach.shape), picks)
     return rounds.in_chunks(
         lambda part: _solve_round(robot, part, config, joints), every, config.lattice_chunk, out_axis=-1
     )
@@ -131,13 +194,13 @@ def _solve_from_seeds(robot: Robot, picks: Picks, config: PickConfig, joints: Fl
 
 def _solve_round(robot: Robot, picks: Picks, config: PickConfig, joints: Float[Array, "seeds dof"]) -> Solutions:
     """All seeds take some steps towards the pre-grasp; those that come nearest go on to it, and down to the grasp."""
-    (batch,) = picks.grasp[0].shape
+    (batch,) = picks.approach.shape
     count, kept = len(joints), min(config.lattice_kept, len(joints))
-    seeds = jnp.asarray(joints.T, picks.grasp[0].dtype)
+    seeds = jnp.asarray(joints.T, picks.approach.dtype)
     turn = jnp.arange(turns(config))[:, None] * jnp.pi
 
     def targets(height: float, solutions: int) -> Frame:
-        target = tool_target(robot, picks, height, turn)
+        target = tool_target(robot, picks, _back(picks, height, config), turn)
         return jax.tree.map(lambda x: jnp.broadcast_to(x, (solutions, turns(config), batch)), target)
 
     start = jnp.broadcast_to(seeds[:, :, None, None], (robot.dof, count, turns(config), batch))
@@ -151,7 +214,8 @@ def _solve_round(robot: Robot, picks: Picks, config: PickConfig, joints: Float[A
     grasp, grasp_inside = _nearest_equivalents(robot, tuple(grasp), pregrasp)
     reached = _reached(robot, above, pregrasp, config) & _reached(robot, below, grasp, config)
     duration = cycle_duration(robot, pregrasp, grasp, config)
-    estimate = jnp.where(inside & grasp_inside & reached, duration, jnp.inf)
+    allowed = (turn == 0) | picks.symmetric
+    estimate = jnp.where(inside & grasp_inside & reached & allowed, duration, jnp.inf)
     return Solutions(estimate.reshape(-1, batch), jnp.stack(pregrasp).reshape(robot.dof, -1, batch))
 
 

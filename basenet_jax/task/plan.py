@@ -14,8 +14,10 @@ from basenet_jax.config import WorldConfig
 from basenet_jax.robot.kinematics import geometric_jacobian
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.drives import Drives, PointDrives, are_docked, make_drives
-from basenet_jax.task.picking import ArmCheck, Reason, pick
+from basenet_jax.task.picking import ArmCheck, Pick, Reason, Rules, pick
+from basenet_jax.world.boxes import Boxes, Room
 from basenet_jax.world.clearance import base_collides, capsules_touch
+from basenet_jax.world.grasps import Grasps
 from basenet_jax.world.scene import Scene
 
 
@@ -42,6 +44,7 @@ class Outcome:
     navigation_time: Float[Array, "*batch M"]  # s
     pick_time: Float[Array, "*batch M"]  # s
     joints: Float[Array, "*batch M waypoints dof"]  # rad
+    grasp: Int[Array, "*batch M"]  # which of the object's grasps; -1: none
     least_singular_value: Float[Array, "*batch M"] | None = None  # see `with_singular_values`; None: not computed
 
     @property
@@ -76,8 +79,8 @@ def execute(
 ) -> Outcome:
     """Executes plans: drive (time counts), pick (time counts if feasible), step by step.
 
-    An infeasible pick costs nothing and its object stays. A base pose that collides with the table or can't be
-    reached ends the episode: that drive and all later steps are not executed.
+    An infeasible pick costs nothing and its object stays, where rule 5 holds in the way of later ones. A base pose that
+    collides with the room or can't be reached ends the episode: that drive and all later steps are not executed.
 
     Args:
         robot: the robot.
@@ -99,8 +102,7 @@ def execute(
     ended = jnp.cumsum(fails, axis=-1) - fails > 0  # by an earlier step
     executed = goes & ~ended & ~fails
     slot = jnp.maximum(plan.object_index, 0)
-    grasp = jnp.take_along_axis(scene.grasps, slot[..., None], axis=-2)
-    picks = pick(robot, plan.base_pose, grasp, room, config.pick, arm_check)
+    picks = _pick_in_order(robot, scene, plan.base_pose, slot, executed, room, config, arm_check)
     stopped = jnp.where(collides, Reason.BASE_COLLIDES, Reason.UNREACHABLE)
     reason = jnp.where(ended, Reason.NOT_EXECUTED, jnp.where(fails, stopped, picks.reason))
     reason = jnp.where(plan.served, reason, plan.reason)
@@ -112,6 +114,56 @@ def execute(
         navigation_time=jnp.where(executed, drive, 0.0),
         pick_time=jnp.where(feasible, picks.time, 0.0),
         joints=picks.joints,
+        grasp=picks.grasp,
+    )
+
+
+def _pick_in_order(
+    robot: Robot,
+    scene: Scene,
+    base_pose: Float[Array, "*batch M 3"],
+    slot: Int[Array, "*batch M"],
+    executed: Bool[Array, "*batch M"],
+    room: Room,
+    config: WorldConfig,
+    arm_check: ArmCheck,
+) -> Pick:
+    """The picks of all steps, each among the objects that are left by those before it.
+
+    All are tried at once as if every one before had succeeded, and again as long as that wasn't so: each time at least
+    one more step in order is right, and nearly always all are at the first.
+    """
+    grasps = _by_step(scene.grasps, slot)
+
+    def try_all(neighbours: Boxes | None) -> Pick:
+        return pick(robot, base_pose, grasps, room, config.pick, arm_check, neighbours=neighbours)
+
+    if not Rules.of(config.pick, room).object_in_the_way:
+        return try_all(None)
+    boxes = jax.tree.map(lambda x: jnp.expand_dims(x, slot.ndim - 1), scene.object_boxes)
+    objects = jnp.arange(scene.mask.shape[-1])
+
+    def among_left(taken: Bool[Array, "*batch M"]) -> Pick:
+        """Where the steps take what they are said to."""
+        takes = (slot[..., None] == objects) & taken[..., None]
+        gone = (jnp.cumsum(takes, axis=-2) > 0) | (slot[..., None] == objects)
+        return try_all(dataclasses.replace(boxes, blocks_arm=boxes.blocks_arm & ~gone))
+
+    def again(state: tuple[Array, Pick]) -> tuple[Array, Pick]:
+        taken = executed & state[1].feasible
+        return taken, among_left(taken)
+
+    def wrong(state: tuple[Array, Pick]) -> Array:
+        return jnp.any(state[0] != (executed & state[1].feasible))
+
+    nothing = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(among_left, executed))
+    return jax.lax.while_loop(wrong, again, (~executed, dataclasses.replace(nothing, feasible=executed)))[1]
+
+
+def _by_step(grasps: Grasps, slot: Int[Array, "*batch S"]) -> Grasps:
+    """The grasps of the object of each step."""
+    return jax.tree.map(
+        lambda x: jnp.take_along_axis(x, jnp.expand_dims(slot, tuple(range(slot.ndim, x.ndim))), slot.ndim - 1), grasps
     )
 
 

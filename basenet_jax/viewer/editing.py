@@ -14,6 +14,7 @@ from jaxtyping import Float
 from basenet_jax.config import PickConfig, SceneConfig
 from basenet_jax.robot.reading import load_robot
 from basenet_jax.world.clearance import compiled_base_collides
+from basenet_jax.world.grasps import of_class
 from basenet_jax.world.scene import BY_SLOT, MAX_OBJECTS, OBJECT_CLASSES, NamedScene, Scene
 from basenet_jax.world.spacing import Footprints, gaps
 
@@ -43,7 +44,7 @@ def pad(scene: NamedScene) -> NamedScene:
         longer[:count] = values[:count]
         return longer
 
-    padded = dataclasses.replace(arrays, **{leaf: fill(np.asarray(getattr(arrays, leaf))) for leaf in BY_SLOT})
+    padded = dataclasses.replace(arrays, **jax.tree.map(lambda x: fill(np.asarray(x)), _by_slot(arrays)))
     return dataclasses.replace(scene, arrays=padded)
 
 
@@ -93,18 +94,19 @@ def add_object(scene: NamedScene, kind: str) -> NamedScene:
     own = OBJECT_CLASSES[index]
     name = next(each for each in (f"{kind}_{i}" for i in itertools.count(1)) if each not in scene.names)
     arrays = scene.arrays
-    rows = (
-        (0.0, 0.0, 0.0),
-        own.size,
-        (own.grasp_x, own.grasp_z, own.grasp_yaw),
-        index,
-        float(arrays.room.table_height),
-        True,
-    )
-    longer = {
-        leaf: np.concatenate([old := getattr(arrays, leaf)[:count], np.asarray(row, old.dtype)[None]])
-        for leaf, row in zip(BY_SLOT, rows, strict=True)
+    row = {
+        "object_pose": (0.0, 0.0, 0.0),
+        "object_size": own.size,
+        "object_grasps": of_class(np.array((own.grasp_x, own.grasp_z, own.grasp_yaw), np.float32), np),
+        "object_class": index,
+        "mask": True,
+        "surface_height": float(arrays.room.table_height),
     }
+
+    def append(old: np.ndarray, new: Any) -> np.ndarray:
+        return np.concatenate([old[:count], np.asarray(new, old.dtype)[None]])
+
+    longer = {leaf: jax.tree.map(append, old, row[leaf]) for leaf, old in _by_slot(arrays).items()}
     grown = dataclasses.replace(scene, arrays=dataclasses.replace(arrays, **longer), names=(*scene.names, name))
     return _at_freest_place(pad(grown), count)
 
@@ -118,8 +120,13 @@ def remove_object(scene: NamedScene, name: str) -> NamedScene:
     if len(scene.names) == 1:
         raise PlacementError("the last object can't be removed, add another one first")
     keep = [index for index, other in enumerate(scene.names) if other != name]
-    left = dataclasses.replace(scene.arrays, **{leaf: getattr(scene.arrays, leaf)[keep] for leaf in BY_SLOT})
+    left = dataclasses.replace(scene.arrays, **jax.tree.map(lambda x: x[keep], _by_slot(scene.arrays)))
     return pad(dataclasses.replace(scene, arrays=left, names=tuple(scene.names[index] for index in keep)))
+
+
+def _by_slot(arrays: Scene) -> dict[str, Any]:
+    """The leaves with one row for each slot."""
+    return {leaf: getattr(arrays, leaf) for leaf in BY_SLOT}
 
 
 def _with(scene: NamedScene, **leaves: np.ndarray) -> NamedScene:

@@ -109,7 +109,8 @@ def warm_up(scene: NamedScene, planner: str, choices: Choices = Choices()) -> No
     Raises:
         ValueError: see `make_plan`.
     """
-    grasp = np.array(scene.arrays.object_grasp)
-    grasp[0, 1] += _FAR_UP_M
-    arrays = dataclasses.replace(scene.arrays, object_grasp=grasp)
+    grasps = scene.arrays.object_grasps
+    pose = np.array(grasps.pose)
+    pose[0, :, 2] += _FAR_UP_M
+    arrays = dataclasses.replace(scene.arrays, object_grasps=dataclasses.replace(grasps, pose=pose))
     make_plan(dataclasses.replace(scene, arrays=arrays), planner, choices)

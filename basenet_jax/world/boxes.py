@@ -35,6 +35,7 @@ class Room:
 
     boxes: Boxes
     floor: Float[Array, "*batch 4"]  # x_min, y_min, x_max, y_max (m) of what the footprint may cover
+    cluttered: bool = struct.field(pytree_node=False, default=False)  # whether rules 5 to 7 hold, unless it's switched
 
     @classmethod
     def from_config(cls, config: TableConfig = TableConfig()) -> "Room":

@@ -88,7 +88,7 @@ def furnish(furniture: Furniture, map_boxes: Boxes | None = None) -> tuple[Room,
         boxes = pad(boxes, max(_FEWEST, 1 << (len(names) - 1).bit_length()))
     floor = UNBOUNDED if isinstance(furniture.floor, UnsetType) else furniture.floor
     bounds: Any = np.array(floor, np.float32)
-    return Room(boxes, bounds), tuple(names)
+    return Room(boxes, bounds, furniture.clutter), tuple(names)
 
 
 def written_boxes(furniture: Furniture) -> tuple[Boxes, list[str]]:

@@ -11,7 +11,8 @@ from basenet_jax.config import PLACES_AT_ONCE, SceneConfig
 from basenet_jax.robot.model import Robot
 from basenet_jax.world.boxes import Room
 from basenet_jax.world.clearance import base_collides
-from basenet_jax.world.scene import MAX_OBJECTS, OBJECT_CLASSES, Scene, world_grasp
+from basenet_jax.world.grasps import in_world, of_class
+from basenet_jax.world.scene import MAX_OBJECTS, OBJECT_CLASSES, Scene
 
 # Sizes, grasps of objects that are of no class, drawn in training so that policies serve users' own objects:
 # lower and upper bounds of size x, y, z and grasp x, z, yaw, wider than the five classes'.
@@ -68,7 +69,7 @@ def draw_scene(
     scene = Scene(
         object_pose=pose,
         object_size=objects.size,
-        object_grasp=objects.grasp,
+        object_grasps=of_class(objects.grasp),
         object_class=objects.class_index,
         mask=jnp.arange(slots) < count,
         surface_height=jnp.full(slots, room.table_height),
@@ -92,8 +93,8 @@ def draw_problem(
     objects = _draw_objects(class_key, 1, own_class_share)
     limit = jnp.append(room.table_half_size - config.edge_margin_m, jnp.pi)
     pose = limit * jax.random.uniform(pose_key, (1, 3), minval=-1.0)
-    grasp = world_grasp(pose, objects.size, objects.grasp, room.table_height)
-    return grasp[0], _draw_clear_pose(robot_key, robot, room)
+    grasp = in_world(of_class(objects.grasp), pose, objects.size, room.table_height)
+    return grasp[0, 0].planar, _draw_clear_pose(robot_key, robot, room)
 
 
 def _draw_objects(key: PRNGKeyArray, slots: int, own_class_share: float) -> Objects:

@@ -1,20 +1,50 @@
-"""Grasps as a room's file writes them, and the top-down ones that can be planned with."""
+"""Grasps as a room's file writes them, or a file of their own that it names."""
 
-import math
-from collections.abc import Sequence
+import io
+from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
-from msgspec import UNSET, UnsetType
+from jaxtyping import Float, Int
+from msgspec import UNSET, Meta, Struct, UnsetType
+from scipy.spatial.transform import Rotation
 
-from basenet_jax.documents.fields import describe, field_error
-from basenet_jax.world.room_fields import APPROACH_M, GraspPoseFields, RoomObjectFields
+from basenet_jax.documents.fields import DocumentError, convert, describe, field_error, shortest
+from basenet_jax.documents.text_files import find_file, read_bytes, read_json, read_yaml
+from basenet_jax.world.grasps import Grasps, select
+from basenet_jax.world.room_fields import MAX_GRASPS, GraspPoseFields, RoomObjectFields, ToolFrameFields
 from basenet_jax.world.scene_fields import CLASSES
 
-_ALLOWED = (
-    "is one top-down grasp for now: [{position: [x, 0, z], rpy_degrees: [180, 0, yaw]}], "
-    f"with an approach of {APPROACH_M} m, and symmetric"
-)
-_TOLERANCE = 1e-6  # m and degrees
+GRASPS_FORMAT = "basenet-grasps/1"
+KEPT = 16  # of an object's grasps: planning looks at so many
+_MAX_BYTES = 1024 * 1024
+_ORTHONORMAL = 1e-3  # how far the columns of a matrix may be from a rotation's
+
+_ALLOWED = {
+    "format": f"is {GRASPS_FORMAT!r}",
+    "grasps": f"is a list of 1 to {MAX_GRASPS} grasps",
+    "grasps[]": "is a mapping with position and rpy_degrees",
+    "grasps[].position": "is [x, y, z], three numbers (m)",
+    "grasps[].position[]": "is a number from -2 to 2 (m)",
+    "grasps[].rpy_degrees": "is [roll, pitch, yaw], three numbers (degrees)",
+    "grasps[].rpy_degrees[]": "is a number from -6000 to 6000 (degrees)",
+    "grasps[].approach": "is a number from 0.001 to 1 (m), or no such key",
+    "grasps[].symmetric": "is true or false, or no such key",
+    "grasps[].score": "is a number, the more the better, or no such key",
+    "tool_frame": "is a mapping with position and rpy_degrees, or no such key",
+    "tool_frame.position": "is [x, y, z], three numbers (m)",
+    "tool_frame.position[]": "is a number from -2 to 2 (m)",
+    "tool_frame.rpy_degrees": "is [roll, pitch, yaw], three numbers (degrees)",
+    "tool_frame.rpy_degrees[]": "is a number from -6000 to 6000 (degrees)",
+}
+
+
+class GraspFileFields(Struct, forbid_unknown_fields=True, kw_only=True):
+    """A file of grasps of one object."""
+
+    format: str
+    tool_frame: ToolFrameFields | UnsetType = UNSET
+    grasps: Annotated[list[GraspPoseFields], Meta(min_length=1, max_length=MAX_GRASPS)]
 
 
 def size_of(item: RoomObjectFields) -> tuple[float, float, float]:
@@ -22,39 +52,115 @@ def size_of(item: RoomObjectFields) -> tuple[float, float, float]:
     return CLASSES[str(item.class_)].size if isinstance(item.size, UnsetType) else item.size
 
 
-def grasp_of(item: RoomObjectFields, path: str) -> tuple[float, float, float]:
-    """tool0's x, z (m) and yaw (rad) in the object's frame at its top-down grasp, its own or its class's.
+def read_grasps(
+    item: RoomObjectFields, folder: Path, path: str, *, sides: bool
+) -> tuple[Grasps, Int[np.ndarray, " G"]]:
+    """An object's grasps in its frame, float32 on the host, and which of those written each is.
 
     Args:
         item: the object.
-        path: its own, for messages.
+        folder: of the scene file, in which the grasps' file is.
+        path: of the object, for messages.
+        sides: whether classes have their side grasps.
 
     Raises:
-        DocumentError: it has other grasps, or several.
+        DocumentError: a file is missing, damaged or too large, or holds no grasps; the message names it.
     """
     if item.grasps is UNSET:
-        kind = CLASSES[str(item.class_)]
-        return kind.grasp_x, kind.grasp_z, kind.grasp_yaw
-    if isinstance(item.grasps, str):
-        raise field_error(f"{path}.grasps", f"a file, {describe(item.grasps)}", _ALLOWED)
-    if len(item.grasps) != 1:
-        raise field_error(f"{path}.grasps", f"a list of {len(item.grasps)}", _ALLOWED)
-    (grasp,) = item.grasps
-    if not _is_top_down(grasp):
-        raise field_error(f"{path}.grasps[0]", "a grasp of another kind", _ALLOWED)
-    return grasp.position[0], grasp.position[2], math.radians(grasp.rpy_degrees[2])
+        grasps = CLASSES[str(item.class_)].grasps(sides=sides)
+        return grasps, np.arange(len(grasps.there))
+    if not isinstance(item.grasps, str):
+        return _kept(item.grasps, _frame(item.tool_frame))
+    field = f"{path}.grasps"
+    found = find_file(item.grasps, folder, folder.resolve(), field)
+    try:
+        if found.suffix.lower() == ".npy":
+            return _kept(_from_matrices(read_bytes(found, _MAX_BYTES)), _frame(item.tool_frame))
+        data = read_json(found) if found.suffix.lower() == ".json" else read_yaml(found)
+        fields = convert(data, GraspFileFields, format_name=GRASPS_FORMAT, allowed=_ALLOWED)
+    except DocumentError as error:
+        raise DocumentError(f"{field}: {found.name}: {error}") from None
+    own = item.tool_frame if fields.tool_frame is UNSET else fields.tool_frame
+    return _kept(fields.grasps, _frame(own))
 
 
-def top_down(grasp: Sequence[float]) -> GraspPoseFields:
-    """The fields of a top-down grasp whose x, z (m) and yaw (rad) are float32; read again they are the same."""
-    x, z, yaw = grasp
-    degrees = math.degrees(yaw)
-    short = next(d for n in range(4, 18) if np.float32(math.radians(d := float(f"{degrees:.{n}g}"))) == np.float32(yaw))
-    return GraspPoseFields(position=(x, 0.0, z), rpy_degrees=(180.0, 0.0, short))
+def grasp_document(grasps: Grasps) -> list[GraspPoseFields]:
+    """The fields of an object's grasps; read again they are the same to the last bit of float32."""
+    return [_fields(grasps[index]) for index in np.flatnonzero(grasps.there)]
 
 
-def _is_top_down(grasp: GraspPoseFields) -> bool:
-    roll, pitch, _ = grasp.rpy_degrees
-    down = abs(roll % 360 - 180) <= _TOLERANCE and abs(pitch) <= _TOLERANCE
-    known = abs(grasp.approach - APPROACH_M) <= _TOLERANCE and grasp.symmetric
-    return down and known and abs(grasp.position[1]) <= _TOLERANCE
+def _fields(grasp: Grasps) -> GraspPoseFields:
+    x, y, z = shortest(grasp.pose[:3])
+    roll, pitch, yaw = (_degrees(angle) for angle in grasp.pose[3:])
+    approach = shortest(grasp.approach) if grasp.approach > 0 else UNSET
+    symmetric: Any = bool(grasp.symmetric)
+    return GraspPoseFields(position=(x, y, z), rpy_degrees=(roll, pitch, yaw), approach=approach, symmetric=symmetric)
+
+
+def _degrees(angle: np.float32) -> float:
+    """The shortest decimals in degrees that give back a float32 in rad."""
+    degrees = np.degrees(float(angle))
+    tries = (float(f"{degrees:.{digits}g}") for digits in range(3, 18))
+    return next(each for each in tries if np.float32(np.radians(each)) == angle)
+
+
+def _from_matrices(data: bytes) -> list[GraspPoseFields]:
+    """The grasps of a `.npy` file: 4 x 4 matrices of the tool in the object's frame."""
+    try:
+        matrices = np.load(io.BytesIO(data), allow_pickle=False)
+    except Exception:  # of damaged files NumPy says nearly anything
+        raise field_error("", "no array that can be read", "are whole .npy files without Python objects") from None
+    shape = getattr(matrices, "shape", None)
+    if shape is None or len(shape) != 3 or shape[1:] != (4, 4) or not 1 <= shape[0] <= MAX_GRASPS:
+        raise field_error("", f"an array of shape {shape}", f"is n x 4 x 4, n from 1 to {MAX_GRASPS}")
+    if matrices.dtype.kind != "f" or not np.all(np.isfinite(matrices)):
+        raise field_error("", f"numbers of type {matrices.dtype}, or not finite", "are finite floating point numbers")
+    matrices = matrices.astype(float)
+    rotation, position = matrices[:, :3, :3], matrices[:, :3, 3]
+    skewed = np.abs(np.swapaxes(rotation, 1, 2) @ rotation - np.eye(3)).max(axis=(1, 2)) > _ORTHONORMAL
+    mirrored, last = np.linalg.det(rotation) < 0, np.abs(matrices[:, 3] - [0, 0, 0, 1]).max(axis=1) > _ORTHONORMAL
+    if np.any(wrong := skewed | mirrored | last):
+        raise field_error(f"[{np.argmax(wrong)}]", "no rigid transform", "are a rotation, a position and a row 0 0 0 1")
+    if np.any(far := np.abs(position).max(axis=1) > 2):
+        found = f"the position {describe(position[np.argmax(far)].tolist())}"
+        raise field_error(f"[{np.argmax(far)}]", found, "are positions up to 2 m from the object's centre")
+    angles = _rpy(rotation)
+    return [
+        GraspPoseFields(position=tuple(p), rpy_degrees=tuple(np.degrees(a)))
+        for p, a in zip(position.tolist(), angles, strict=True)
+    ]
+
+
+def _frame(fields: ToolFrameFields | UnsetType) -> Float[np.ndarray, "4 4"]:
+    """tool0 in the frame that grasps are given of."""
+    return np.eye(4) if isinstance(fields, UnsetType) else np.linalg.inv(_matrix(fields.position, fields.rpy_degrees))
+
+
+def _matrix(position: tuple[float, ...], rpy_degrees: tuple[float, ...]) -> Float[np.ndarray, "4 4"]:
+    matrix = np.eye(4)
+    matrix[:3, :3] = Rotation.from_euler("ZYX", rpy_degrees[::-1], degrees=True).as_matrix()
+    matrix[:3, 3] = position
+    return matrix
+
+
+def _rpy(rotation: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n 3"]:
+    return Rotation.from_matrix(rotation).as_euler("ZYX", suppress_warnings=True)[:, ::-1]
+
+
+def _kept(fields: list[GraspPoseFields], tool0: Float[np.ndarray, "4 4"]) -> tuple[Grasps, Int[np.ndarray, " G"]]:
+    """The grasps of tool0, and which of the fields each is, where there are more than planning looks at."""
+    angles = np.radians([each.rpy_degrees for each in fields])
+    poses = np.column_stack([[each.position for each in fields], angles])
+    if not np.array_equal(tool0, np.eye(4)):
+        moved = np.stack([_matrix(each.position, each.rpy_degrees) for each in fields]) @ tool0
+        poses = np.column_stack([moved[:, :3, 3], _rpy(moved[:, :3, :3])])
+    approach = [0.0 if isinstance(each.approach, UnsetType) else each.approach for each in fields]
+    grasps = Grasps(
+        poses.astype(np.float32),
+        np.array(approach, np.float32),
+        np.array([each.symmetric for each in fields]),
+        np.ones(len(fields), bool),
+    )
+    score = np.array([0.0 if isinstance(each.score, UnsetType) else each.score for each in fields])
+    index = select(grasps, score, KEPT)
+    return grasps[index], index

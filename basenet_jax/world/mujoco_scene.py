@@ -1,7 +1,8 @@
 """The scene in MuJoCo: a model of room, robot and objects, and contact queries in float64 for replay and the judge.
 
-Contacts are declared pair by pair and nothing else collides: the base's footprint with the table grown by the base's
-clearance (rule 1), and every capsule of arm and gripper with the table's box and the robot's body box (rule 4).
+Contacts are declared pair by pair and nothing else collides: the base's footprint with boxes grown by the base's
+clearance (rule 1), every capsule of arm and gripper with boxes and the robot's body box (rule 4) and with objects
+(rule 5), and capsules with one another and the pedestal (rule 6).
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -15,13 +16,15 @@ from jaxtyping import Bool, Float
 
 from basenet_jax.config import PickConfig
 from basenet_jax.robot.model import Robot
-from basenet_jax.robot.robot_mjcf import BASE, BASE_JOINTS, BODY, capsule_name
+from basenet_jax.robot.robot_mjcf import BASE, BASE_JOINTS, BODY, PEDESTAL, capsule_name
 from basenet_jax.world.boxes import Room, blocks
 from basenet_jax.world.scene import Scene
 
 BOX, KEEP_OUT, FOOTPRINT = "box", "keep out", "footprint"  # the first two with the number of the box
 ROBOT = "robot/"  # before the names of everything that comes from the robot's MJCF
-BASE_DIMENSION, ARM_DIMENSION = 1, 3  # of contacts, as MuJoCo calls it: tells those of rule 1 and rule 4 apart
+BASE_DIMENSION, ARM_DIMENSION = 1, 3  # of contacts, as MuJoCo calls it: tells those of rules 1 and 4,
+OBJECT_DIMENSION, SELF_DIMENSION = 4, 6  # and 5 and 6 apart
+_DIMENSIONS = (BASE_DIMENSION, ARM_DIMENSION, OBJECT_DIMENSION, SELF_DIMENSION)
 PARKED = (0.0, 0.0, -10.0)  # m: where unused objects wait, below the floor
 HIDDEN_GROUP = 4  # of geoms that only contacts need; pictures leave groups above 2 out by default
 SLAB = 0.5  # m, half the height of footprint and grown table: rule 1 is planar, so any height does
@@ -36,6 +39,8 @@ def build_model(
     object_size: Float[np.ndarray, "M 3"] | None = None,
     object_class: ArrayLike | None = None,
     config: PickConfig = PickConfig(),
+    *,
+    with_clutter: bool = False,
 ) -> mujoco.MjModel:
     """The MuJoCo model of a room, a robot and objects (mocap bodies "object 0", ... parked below the floor).
 
@@ -48,6 +53,7 @@ def build_model(
         object_size: x, y, z (m) of each object's box; None for no objects.
         object_class: of each object, for its colour; None paints them all alike.
         config: the base's clearance from boxes.
+        with_clutter: whether the arm's contacts with objects, itself and the pedestal are declared too.
     """
     spec = mujoco.MjSpec()
     spec.worldbody.add_frame().attach_body(mujoco.MjSpec.from_string(robot.model_xml).body(BASE), ROBOT, "")
@@ -61,6 +67,8 @@ def build_model(
         rgba = (*OBJECT_COLORS[color % len(OBJECT_COLORS)], 1.0)
         _add_box(body, f"object {index}", size / 2, (0.0, 0.0, 0.0), rgba=rgba)
     _add_pairs(spec, robot, room)
+    if with_clutter:
+        _add_clutter_pairs(spec, robot, len(sizes))
     return spec.compile()
 
 
@@ -71,12 +79,16 @@ def scene_model(robot: Robot, scene: Scene, config: PickConfig = PickConfig()) -
     pose, size = np.asarray(scene.object_pose, float)[used], np.asarray(scene.object_size, float)[used]
     model = build_model(robot, scene.room, size, np.asarray(scene.object_class)[used], config)
     data = mujoco.MjData(model)
-    data.mocap_pos[:, :2] = pose[:, :2]
-    data.mocap_pos[:, 2] = np.asarray(scene.surface_height, float)[used] + size[:, 2] / 2
-    data.mocap_quat[:, 0], data.mocap_quat[:, 3] = np.cos(pose[:, 2] / 2), np.sin(pose[:, 2] / 2)
+    _place(data, pose, np.asarray(scene.surface_height, float)[used] + size[:, 2] / 2)
     data.qpos[state_addresses(robot, model)] = [*np.asarray(scene.robot_start), *np.asarray(robot.home)]
     mujoco.mj_forward(model, data)
     return model, data
+
+
+def _place(data: mujoco.MjData, pose: Float[np.ndarray, "M 3"], height: Float[np.ndarray, " M"]) -> None:
+    """Objects at (x, y, yaw) in W, their centres so high (m)."""
+    data.mocap_pos[:, :2], data.mocap_pos[:, 2] = pose[:, :2], height
+    data.mocap_quat[:, 0], data.mocap_quat[:, 3] = np.cos(pose[:, 2] / 2), np.sin(pose[:, 2] / 2)
 
 
 def state_addresses(robot: Robot, model: mujoco.MjModel) -> np.ndarray:
@@ -85,17 +97,20 @@ def state_addresses(robot: Robot, model: mujoco.MjModel) -> np.ndarray:
 
 
 class MujocoChecker:
-    """Rules 1 and 4 by MuJoCo's own contacts, in float64 and one state after another (about 20 us each).
+    """Rules 1, 4, 5 and 6 by MuJoCo's own contacts, in float64 and one state after another (about 20 us each).
 
     Args:
         robot: the robot.
         room: one concrete room.
         config: the base's clearance, and up to which distance it counts as touching.
+        scene: unbatched and concrete, whose objects count; None: neither objects nor the arm itself do.
     """
 
-    def __init__(self, robot: Robot, room: Room, config: PickConfig = PickConfig()):
-        self.model = build_model(robot, room, config=config)
+    def __init__(self, robot: Robot, room: Room, config: PickConfig = PickConfig(), *, scene: Scene | None = None):
+        sizes = None if scene is None else np.asarray(scene.object_size, float)
+        self.model = build_model(robot, room, sizes, config=config, with_clutter=scene is not None)
         self.data = mujoco.MjData(self.model)
+        self._scene = scene
         self._home = np.asarray(robot.home)
         self._addresses = state_addresses(robot, self.model)
         self._touching = config.touching_m
@@ -111,11 +126,18 @@ class MujocoChecker:
         """Whether a capsule of arm or gripper touches the table's box or the body box (rule 4); joints in rad."""
         return self.distances(base_pose, joints)[:, 1] <= 0.0
 
+    def stand(self, standing: Bool[np.ndarray, " M"]) -> None:
+        """Leaves only some of the scene's objects standing."""
+        assert self._scene is not None
+        pose, size = (np.asarray(x, float) for x in (self._scene.object_pose, self._scene.object_size))
+        height = np.asarray(self._scene.surface_height, float) + size[:, 2] / 2
+        _place(self.data, pose, np.where(standing, height, PARKED[2]))
+
     def distances(
         self, base_pose: Float[np.ndarray, "N 3"], joints: Float[np.ndarray, "N dof"]
-    ) -> Float[np.ndarray, "N 2"]:
-        """Distance (m) of the deepest contact of rule 1 and of rule 4: negative inside, infinite beyond `MARGIN`."""
-        result = np.full((len(base_pose), 2), np.inf)
+    ) -> Float[np.ndarray, "N 4"]:
+        """Distance (m) of the deepest contact of rules 1, 4, 5 and 6: negative inside, infinite beyond `MARGIN`."""
+        result = np.full((len(base_pose), len(_DIMENSIONS)), np.inf)
         states = np.concatenate([base_pose, joints], axis=1, dtype=float)
         for row, state in zip(result, states, strict=True):
             self.data.qpos[self._addresses] = state
@@ -123,7 +145,7 @@ class MujocoChecker:
             mujoco.mj_collision(self.model, self.data)
             contact = self.data.contact
             for dimension, distance in zip(contact.dim, contact.dist, strict=True):
-                rule = 0 if dimension == BASE_DIMENSION else 1
+                rule = _DIMENSIONS.index(dimension)
                 row[rule] = min(row[rule], distance)
         return result
 
@@ -167,3 +189,13 @@ def _add_pairs(spec: mujoco.MjSpec, robot: Robot, room: Room) -> None:
     for index, meets_body in enumerate(robot.capsule_meets_body):
         for box in (*solid, ROBOT + BODY) if meets_body else solid:
             spec.add_pair(geomname1=ROBOT + capsule_name(index), geomname2=box, condim=ARM_DIMENSION, margin=MARGIN)
+
+
+def _add_clutter_pairs(spec: mujoco.MjSpec, robot: Robot, objects: int) -> None:
+    for capsule, meets_body in enumerate(robot.capsule_meets_body):
+        others = [(f"object {index}", OBJECT_DIMENSION) for index in range(objects)]
+        if meets_body and spec.geom(ROBOT + PEDESTAL) is not None:
+            others.append((ROBOT + PEDESTAL, SELF_DIMENSION))
+        others += [(ROBOT + capsule_name(b), SELF_DIMENSION) for a, b in robot.self_pairs if a == capsule]
+        for other, dimension in others:
+            spec.add_pair(geomname1=ROBOT + capsule_name(capsule), geomname2=other, condim=dimension, margin=MARGIN)

@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float, UInt8
 from msgspec import Meta, Struct
 
 from basenet_jax.documents.fields import DocumentError, convert, describe, field_error
-from basenet_jax.documents.text_files import inside, read_bytes, read_yaml
+from basenet_jax.documents.text_files import find_file, read_bytes, read_yaml
 from basenet_jax.world.boxes import Boxes
 from basenet_jax.world.furniture import FLAT_M
 from basenet_jax.world.rectangles import cover
@@ -76,7 +76,7 @@ def read_map(name: str, folder: Path) -> OccupancyMap:
             names the file, the field, what was found and what is allowed.
     """
     folder = folder.resolve()
-    path = _find(name, folder, folder, "map")
+    path = find_file(name, folder, folder, "map")
     try:
         fields = convert(read_yaml(path), MapFields, format_name=None, allowed=_ALLOWED)
         if fields.mode not in MODES:
@@ -84,7 +84,7 @@ def read_map(name: str, folder: Path) -> OccupancyMap:
         if fields.free_thresh >= fields.occupied_thresh:
             found = f"{fields.free_thresh}, where occupied_thresh is {fields.occupied_thresh}"
             raise field_error("free_thresh", found, "are numbers below occupied_thresh")
-        image = _find(fields.image, path.parent, folder, "image")
+        image = find_file(fields.image, path.parent, folder, "image")
     except DocumentError as error:
         raise DocumentError(f"map: {path.name}: {error}") from None
     try:
@@ -119,13 +119,6 @@ def map_boxes(occupancy: OccupancyMap) -> Boxes:
         "bears_objects": np.zeros(count, bool),
     }
     return Boxes(**leaves)
-
-
-def _find(name: str, start: Path, folder: Path, field: str) -> Path:
-    found = inside(start / name, folder) if name.isprintable() and not Path(name).is_absolute() else None
-    if found is None:
-        raise field_error(field, describe(name), "are files in the scene file's folder or below, links followed")
-    return found
 
 
 def _read_image(path: Path) -> UInt8[np.ndarray, "rows columns channels"]:

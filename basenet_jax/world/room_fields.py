@@ -10,8 +10,7 @@ from basenet_jax.world.scene_fields import RobotFields
 
 ROOM_FORMAT = "basenet-scene/2"
 DRIVES = ("docked", "point")
-MAX_GRASPS = 16  # of an object
-APPROACH_M = 0.10
+MAX_GRASPS = 200  # of an object
 
 _Offset = Annotated[float, Meta(ge=-2, le=2)]
 _Degrees = Annotated[float, Meta(ge=-6000, le=6000)]
@@ -19,12 +18,20 @@ _ObjectSide = Annotated[float, Meta(ge=0.001, le=2)]
 
 
 class GraspPoseFields(Struct, forbid_unknown_fields=True, omit_defaults=True, kw_only=True):
-    """tool0 in the object's frame (m, degrees), how far it comes along its z, and whether it may be turned by pi."""
+    """The tool in the object's frame (m, degrees), how it comes there and may be turned, and how good the grasp is."""
 
     position: tuple[_Offset, _Offset, _Offset]
     rpy_degrees: tuple[_Degrees, _Degrees, _Degrees]  # R = Rz(yaw) Ry(pitch) Rx(roll)
-    approach: Annotated[float, Meta(ge=0.001, le=1)] = APPROACH_M
+    approach: Annotated[float, Meta(ge=0.001, le=1)] | UnsetType = UNSET
     symmetric: bool = True
+    score: float | UnsetType = UNSET
+
+
+class ToolFrameFields(Struct, forbid_unknown_fields=True, kw_only=True):
+    """The frame that grasps are given of, in tool0 (m, degrees)."""
+
+    position: tuple[_Offset, _Offset, _Offset]
+    rpy_degrees: tuple[_Degrees, _Degrees, _Degrees]
 
 
 class RoomObjectFields(Struct, forbid_unknown_fields=True, kw_only=True):
@@ -36,6 +43,7 @@ class RoomObjectFields(Struct, forbid_unknown_fields=True, kw_only=True):
     pose: Pose
     size: tuple[_ObjectSide, _ObjectSide, _ObjectSide] | UnsetType = UNSET
     grasps: Annotated[list[GraspPoseFields], Meta(min_length=1, max_length=MAX_GRASPS)] | str | UnsetType = UNSET
+    tool_frame: ToolFrameFields | UnsetType = UNSET
 
 
 class RoomFields(Furniture, forbid_unknown_fields=True, kw_only=True):
@@ -110,4 +118,10 @@ ALLOWED = {
     "objects[].grasps[].rpy_degrees[]": "is a number from -6000 to 6000 (degrees)",
     "objects[].grasps[].approach": "is a number from 0.001 to 1 (m), or no such key",
     "objects[].grasps[].symmetric": "is true or false, or no such key",
+    "objects[].grasps[].score": "is a number, the more the better, or no such key",
+    "objects[].tool_frame": "is a mapping with position and rpy_degrees, or no such key",
+    "objects[].tool_frame.position": "is [x, y, z], three numbers (m)",
+    "objects[].tool_frame.position[]": "is a number from -2 to 2 (m)",
+    "objects[].tool_frame.rpy_degrees": "is [roll, pitch, yaw], three numbers (degrees)",
+    "objects[].tool_frame.rpy_degrees[]": "is a number from -6000 to 6000 (degrees)",
 }

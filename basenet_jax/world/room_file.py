@@ -14,7 +14,8 @@ from basenet_jax.robot.reading import load_robot, robot_name
 from basenet_jax.world.boxes import Room
 from basenet_jax.world.footprints import within
 from basenet_jax.world.furniture import Furniture, SurfaceFields, furnish
-from basenet_jax.world.grasp_fields import grasp_of, size_of, top_down
+from basenet_jax.world.grasp_fields import grasp_document, read_grasps, size_of
+from basenet_jax.world.grasps import of_objects
 from basenet_jax.world.occupancy_map import map_boxes, read_map
 from basenet_jax.world.room_checks import check_furniture, check_objects, check_start, surfaces_under
 from basenet_jax.world.room_fields import ALLOWED, ROOM_FORMAT, RoomFields, RoomObjectFields
@@ -38,16 +39,16 @@ def read_room(document: Any, folder: Path, robot: str | None = None) -> NamedSce
     fields = convert(document, RoomFields, format_name=ROOM_FORMAT, allowed=ALLOWED)
     check_furniture(fields)
     check_objects(fields)
-    for index, item in enumerate(fields.objects):
-        grasp_of(item, f"objects[{index}]")
     occupied = None if isinstance(fields.map, UnsetType) else map_boxes(read_map(fields.map, folder))
     room, names = furnish(fields, occupied)
     reference = choose_robot(fields.robot, robot)
     check_start(np.array(fields.robot.start), load_robot(reference), room, names)
-    return room_scene(fields, room, names, reference)
+    return room_scene(fields, room, names, reference, folder)
 
 
-def room_scene(fields: RoomFields, room: Room, box_names: tuple[str, ...], robot: str) -> NamedScene:
+def room_scene(
+    fields: RoomFields, room: Room, box_names: tuple[str, ...], robot: str, folder: Path = Path()
+) -> NamedScene:
     """The scene of checked fields in float32.
 
     Args:
@@ -55,13 +56,18 @@ def room_scene(fields: RoomFields, room: Room, box_names: tuple[str, ...], robot
         room: of `furnish`.
         box_names: likewise.
         robot: to use, as for `load_robot`.
+        folder: of the room's file, in which files of grasps are.
+
+    Raises:
+        DocumentError: a file of grasps is refused.
     """
     classes = {name: index for index, name in enumerate(CLASSES)}
     surface, objects = surfaces_under(fields), fields.objects
+    read = [read_grasps(item, folder, f"objects[{index}]", sides=fields.clutter) for index, item in enumerate(objects)]
     arrays: dict[str, Any] = {  # made on the host: each operation of JAX's own would be compiled
         "object_pose": np.array([item.pose for item in objects], np.float32),
         "object_size": np.array([size_of(item) for item in objects], np.float32),
-        "object_grasp": np.array([grasp_of(item, f"objects[{i}]") for i, item in enumerate(objects)], np.float32),
+        "object_grasps": of_objects([grasps for grasps, _ in read]),
         "object_class": np.array([classes.get(str(item.class_), -1) for item in objects], np.int32),
         "mask": np.ones(len(objects), bool),
         "surface_height": np.array([fields.surfaces[index].height for index in surface], np.float32),
@@ -76,6 +82,7 @@ def room_scene(fields: RoomFields, room: Room, box_names: tuple[str, ...], robot
         named if named != robot_name(robot) else None,
         box_names,
         furniture,
+        tuple(tuple(index.tolist()) for _, index in read),
     )
 
 
@@ -117,11 +124,11 @@ def _object_fields(arrays: Scene, slot: int, name: str, furniture: Furniture) ->
         found = f"{describe(shortest(pose))} at a height of {height} m"
         raise ValueError(f"objects[{slot}].pose: found {found}, allowed are poses on a surface")
     own = {"name": name, "on": furniture.surfaces[int(np.argmax(under))].name, "pose": tuple(shortest(pose))}
-    kind = class_of(arrays, slot)
+    kind = class_of(arrays, slot, sides=furniture.clutter)
     if kind is not None:
         return RoomObjectFields(class_=kind.name, **own)
-    size, grasp = shortest(arrays.object_size[slot]), shortest(arrays.object_grasp[slot])
-    return RoomObjectFields(size=tuple(size), grasps=[top_down(grasp)], **own)
+    size, grasps = shortest(arrays.object_size[slot]), grasp_document(arrays.object_grasps[slot])
+    return RoomObjectFields(size=tuple(size), grasps=grasps, **own)
 
 
 def as_room(scene: NamedScene) -> NamedScene:

@@ -2,6 +2,7 @@
 
 from typing import Annotated
 
+import jax
 import numpy as np
 from msgspec import UNSET, Meta, Struct, UnsetType, field
 
@@ -102,14 +103,20 @@ def grasp_of(item: ObjectFields) -> tuple[float, float, float]:
     return item.grasp.x, item.grasp.z, item.grasp.yaw
 
 
-def class_of(arrays: Scene, slot: int) -> ObjectClass | None:
-    """The packaged class of an object; None: it has none, or its size or grasp is another than its class's."""
+def class_of(arrays: Scene, slot: int, *, sides: bool) -> ObjectClass | None:
+    """The packaged class of an object; None: it has none, or its size or a grasp is another than its class's.
+
+    Args:
+        arrays: of the scene, on the host.
+        slot: the object's.
+        sides: whether classes have their side grasps.
+    """
     kind = OBJECT_CLASSES[index] if (index := int(arrays.object_class[slot])) >= 0 else None
     if kind is None:
         return None
-    own = np.array([*arrays.object_size[slot], *arrays.object_grasp[slot]], np.float32)
-    same = np.array_equal(own, np.array([*kind.size, kind.grasp_x, kind.grasp_z, kind.grasp_yaw], np.float32))
-    return kind if same else None
+    size, own = np.asarray(arrays.object_size[slot]), arrays.object_grasps[slot]
+    same = jax.tree.map(np.array_equal, own[np.asarray(own.there)], kind.grasps(sides=sides))
+    return kind if np.array_equal(size, np.array(kind.size, np.float32)) and all(jax.tree.leaves(same)) else None
 
 
 def make_room(table: TableFields) -> Room:

@@ -13,6 +13,7 @@ from basenet_jax.documents.fields import DocumentError, convert, shortest
 from basenet_jax.documents.text_files import read_json, read_yaml, to_json
 from basenet_jax.documents.yaml_text import to_yaml
 from basenet_jax.robot.reading import robot_name
+from basenet_jax.world.grasps import Grasps, of_class
 from basenet_jax.world.room_fields import ROOM_FORMAT
 from basenet_jax.world.room_file import read_room, room_document
 from basenet_jax.world.scene import NamedScene, Scene
@@ -95,7 +96,7 @@ def _from_fields(fields: SceneFields, robot: str) -> NamedScene:
     arrays: dict[str, Any] = {  # made on the host: each operation of JAX's own would be compiled
         "object_pose": np.array([item.pose for item in objects], np.float32),
         "object_size": np.array([size_of(item) for item in objects], np.float32),
-        "object_grasp": np.array([grasp_of(item) for item in objects], np.float32),
+        "object_grasps": of_class(np.array([grasp_of(item) for item in objects], np.float32), np),
         "object_class": np.array([classes.get(str(item.class_), -1) for item in objects], np.int32),
         "mask": np.ones(len(objects), bool),
         "surface_height": np.full(len(objects), fields.table.height, np.float32),
@@ -124,8 +125,19 @@ def _to_fields(scene: NamedScene) -> SceneFields:
 
 
 def _object_fields(arrays: Scene, slot: int, name: str) -> ObjectFields:
-    pose, size, grasp = (shortest(x[slot]) for x in (arrays.object_pose, arrays.object_size, arrays.object_grasp))
-    kind = class_of(arrays, slot)
+    pose, size = (shortest(x[slot]) for x in (arrays.object_pose, arrays.object_size))
+    kind = class_of(arrays, slot, sides=False)
     if kind is not None:
         return ObjectFields(name=name, class_=kind.name, pose=tuple(pose))
-    return ObjectFields(name=name, pose=tuple(pose), size=tuple(size), grasp=GraspFields(*grasp))
+    grasp = _grasp_fields(arrays.object_grasps[slot], slot)
+    return ObjectFields(name=name, pose=tuple(pose), size=tuple(size), grasp=grasp)
+
+
+def _grasp_fields(grasps: Grasps, slot: int) -> GraspFields:
+    """Those of the one top-down grasp."""
+    own = grasps[np.asarray(grasps.there)]
+    x, _, z, *_, yaw = pose = own.pose[0]
+    if not all(jax.tree.leaves(jax.tree.map(np.array_equal, own, of_class(pose[[0, 2, 5]], np)))):
+        found = "grasps of another kind, or several"
+        raise ValueError(f"objects[{slot}].grasp: found {found}, allowed is one top-down grasp in {FORMAT}")
+    return GraspFields(*shortest(np.array([x, z, yaw])))

@@ -90,7 +90,7 @@ def test_gradient_is_that_of_the_expected_cost_by_enumeration(learner):
             chance, remaining = 1.0, np.ones(3, bool)
             for step, choice in enumerate(order):
                 pose = steps.state.robot_pose[step, row]
-                logits = learner.network.apply(params, scenes.grasps[0], pose, jnp.asarray(remaining))
+                logits = learner.network.apply(params, scenes.first_grasp[0], pose, jnp.asarray(remaining))
                 weights = jnp.where(jnp.asarray(remaining), jnp.exp(jnp.asarray(logits)), 0.0)
                 chance = chance * weights[choice] / jnp.sum(weights)
                 remaining = remaining & (np.arange(3) != choice)
@@ -103,7 +103,7 @@ def test_gradient_is_that_of_the_expected_cost_by_enumeration(learner):
     estimated = jax.jit(policy_gradient, static_argnums=0)
     for baseline in (0.0, np.mean(cost)):  # a constant baseline doesn't bias the gradient
         weight = 6 * chance * (np.asarray(cost) - baseline)
-        estimate, _ = estimated(learner.network, params, scenes.grasps, steps, weight)
+        estimate, _ = estimated(learner.network, params, scenes.first_grasp, steps, weight)
         chex.assert_trees_all_close(estimate, exact, atol=2e-4, rtol=2e-3)
     assert np.max(np.abs(jax.tree.leaves(exact)[0])) > 1e-3
 

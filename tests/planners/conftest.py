@@ -1,5 +1,6 @@
 import dataclasses
 
+import jax
 import numpy as np
 import pytest
 
@@ -43,9 +44,10 @@ def hopeless():
     """(scene, slots) -> the scene with the grasps of these slots 1.5 m above their objects."""
 
     def make(scene, slots):
-        grasp = np.array(scene.object_grasp)
-        grasp[list(slots), 1] = 1.5
-        return dataclasses.replace(scene, object_grasp=grasp, object_class=np.full_like(scene.object_class, -1))
+        pose = np.array(scene.object_grasps.pose)
+        pose[list(slots), :, 2] = 1.5
+        grasps = dataclasses.replace(scene.object_grasps, pose=pose)
+        return dataclasses.replace(scene, object_grasps=grasps, object_class=np.full_like(scene.object_class, -1))
 
     return make
 
@@ -55,11 +57,13 @@ def spoilt():
     """(scene) -> the scene with numbers that make no sense in its empty slots."""
 
     def make(scene):
-        fields = {}
-        for name in set(BY_SLOT) - {"mask"}:
-            fields[name] = np.array(getattr(scene, name))
-            fields[name][~scene.mask] = 7
-        return dataclasses.replace(scene, **fields)
+        def spoil(x: np.ndarray) -> np.ndarray:
+            changed = np.array(x)
+            changed[~scene.mask] = 7
+            return changed
+
+        fields = {name: getattr(scene, name) for name in set(BY_SLOT) - {"mask"}}
+        return dataclasses.replace(scene, **jax.tree.map(spoil, fields))
 
     return make
 

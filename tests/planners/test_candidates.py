@@ -69,7 +69,7 @@ def test_pairs_are_as_picked_one_by_one(setup, robot, scene, candidates):
     for slot in range(5):
         served = np.flatnonzero(candidates.serves[:, slot])
         rows = np.concatenate([served, rng.permutation(len(setup.grid_poses))[:256]])
-        grasp = np.asarray(scene.grasps)[slot]
+        grasp = np.asarray(scene.first_grasp)[slot]
         expected = pick_cases.judge(robot, pick_cases.cases(setup.grid_poses[rows], grasp))
         np.testing.assert_array_equal(candidates.serves[rows, slot], expected.feasible)
         time = np.where(expected.feasible, expected.time, np.inf)
@@ -81,7 +81,7 @@ def test_pairs_are_as_picked_one_by_one(setup, robot, scene, candidates):
 def test_pairs_are_the_oracles(scene, candidates):
     """A sample against the enumeration in plain Python: served ones, and ones near by that are not."""
     rng = np.random.default_rng(1)
-    grasps = np.asarray(scene.grasps, float)
+    grasps = np.asarray(scene.first_grasp, float)
     compared = 0
     for slot in range(4):
         near = np.hypot(*(candidates.base_pose[:, :2] - grasps[slot, :2]).T) < 1.2

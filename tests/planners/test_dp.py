@@ -12,6 +12,7 @@ from basenet_jax.planners.protocol import PlanningError
 from basenet_jax.task.picking import Reason
 from basenet_jax.task.plan import Plan
 from tests import compiled
+from tests.regrasp import regrasp
 
 judge, check_candidates = compiled.execute, compiled.check_candidates
 
@@ -78,9 +79,7 @@ def test_its_costs_are_the_judges(setup, scenes):
 
 def test_an_object_out_of_reach_comes_last_with_its_reason(setup, scenes):
     scene = one_of(scenes, 1)
-    grasp = scene.object_grasp.copy()
-    grasp[1, 1] = 2.0
-    high = dataclasses.replace(scene, object_grasp=grasp)
+    high = regrasp(scene, lambda pose: pose[1, :, 2].fill(2.0))
     plan = Dp(setup)(high, jax.random.key(0))
     assert int(plan.object_index[2]) == 1
     assert np.asarray(plan.served).tolist() == [True, True, False]
@@ -89,7 +88,7 @@ def test_an_object_out_of_reach_comes_last_with_its_reason(setup, scenes):
 
 def test_nothing_in_reach_gives_a_plan_without_stops(setup, scenes):
     scene = one_of(scenes, 2)
-    plan = Dp(setup)(dataclasses.replace(scene, object_grasp=scene.object_grasp + 2.0), jax.random.key(0))
+    plan = Dp(setup)(regrasp(scene, lambda pose: pose[..., 2].fill(2.5)), jax.random.key(0))
     assert not np.any(plan.served)
     assert sorted(np.asarray(plan.object_index)) == [0, 1, 2]
 

@@ -11,12 +11,17 @@ from hypothesis import strategies as st
 
 from basenet_jax.planners.reachability import ReachabilityMap, build_map, map_candidates
 from basenet_jax.task.picking import Reason
+from tests.regrasp import regrasp
 
 
 def one_object(scene, x, y, yaw):
     """The scene with every object at this pose, and the grasp in its centre."""
     pose = np.tile(np.array([x, y, yaw], np.float32), (len(scene.mask), 1))
-    return dataclasses.replace(scene, object_pose=pose, object_grasp=np.zeros_like(scene.object_grasp))
+
+    def center(grasps: np.ndarray) -> None:
+        grasps[..., [0, 1, 2, 5]] = 0
+
+    return dataclasses.replace(regrasp(scene, center), object_pose=pose)
 
 
 def in_world(tool, pose):
@@ -73,11 +78,11 @@ def look_up(reach_map, layer, grasp, pose):
 
 def test_candidates_are_looked_up_in_the_map(robot, random_scene, setup):
     scene = random_scene(1, count=5)
-    heights = scene.grasps[:, 2].tolist()
+    heights = scene.first_grasp[:, 2].tolist()
     reach_map = build_map(robot, heights, setup.grid)
     poses = setup.grid_poses
     candidates = map_candidates(reach_map, scene, jnp.asarray(poses))
-    grasps = np.asarray(scene.grasps, float)
+    grasps = np.asarray(scene.first_grasp, float)
     expected = [[look_up(reach_map, m, grasps[m], pose) for m in range(6)] for pose in poses.astype(float)]
     clear = np.array([[value is not None for value in row] for row in expected])
     expected = np.array([[bool(value) for value in row] for row in expected]) & scene.mask
@@ -91,7 +96,7 @@ def test_candidates_are_looked_up_in_the_map(robot, random_scene, setup):
 def test_what_no_pose_serves_is_out_of_reach(robot, random_scene, hopeless, setup):
     scene = hopeless(random_scene(1, count=5), [1, 3])
     candidates = map_candidates(
-        build_map(robot, scene.grasps[:, 2].tolist(), setup.grid), scene, jnp.asarray(setup.grid_poses)
+        build_map(robot, scene.first_grasp[:, 2].tolist(), setup.grid), scene, jnp.asarray(setup.grid_poses)
     )
     lost = Reason.OUT_OF_REACH
     assert np.asarray(candidates.reason).tolist() == [0, lost, 0, lost, 0, 0], "an empty slot has no reason"

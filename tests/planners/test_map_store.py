@@ -1,7 +1,5 @@
 """Maps are made once, kept, and made anew where what is kept is of no use."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -10,6 +8,7 @@ from basenet_jax.planners import reachability
 from basenet_jax.planners.reachability import HEIGHT_STEP, MapStore, build_map, load_map, map_folder, save_map
 from basenet_jax.weights_file import save_weights
 from tests import compiled
+from tests.regrasp import regrasp
 
 GRID, CONFIG = compiled.GRID, PickConfig()
 HEIGHTS = np.array([1.1, 1.2], np.float32)
@@ -22,7 +21,7 @@ def built(robot):
 
 @pytest.fixture(scope="module")
 def expected(robot, scene):
-    return build_map(robot, scene.grasps[:, 2].tolist(), GRID, CONFIG).reachable
+    return build_map(robot, scene.first_grasp[:, 2].tolist(), GRID, CONFIG).reachable
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +44,7 @@ def builds(monkeypatch):
 
 def check(reach_map, scene, expected):
     np.testing.assert_array_equal(reach_map.reachable[scene.mask], expected[scene.mask])
-    np.testing.assert_allclose(reach_map.height[scene.mask], scene.grasps[scene.mask, 2], atol=HEIGHT_STEP)
+    np.testing.assert_allclose(reach_map.height[scene.mask], scene.first_grasp[scene.mask, 2], atol=HEIGHT_STEP)
     assert not reach_map.reachable[~scene.mask].any()
     assert reach_map.reachable[scene.mask].any(axis=(1, 2, 3)).all()
 
@@ -93,7 +92,7 @@ def test_what_was_built_is_kept_in_memory_and_on_disk(tmp_path, robot, scene, ex
     store = MapStore(robot, GRID, CONFIG, tmp_path / "maps")
     check(store.for_scene(scene), scene, expected)
     check(store.for_scene(scene), scene, expected)
-    heights = len(set(scene.grasps[scene.mask, 2].tolist()))
+    heights = len(set(scene.first_grasp[scene.mask, 2].tolist()))
     assert [len(call) for call in builds] == [heights]
     assert len(list((tmp_path / "maps").iterdir())) == heights
     check(MapStore(robot, GRID, CONFIG, tmp_path / "maps").for_scene(scene), scene, expected)
@@ -131,7 +130,7 @@ def test_maps_of_another_robot_are_made_anew(tmp_path, robot, scene, builds):
     shorter = robot.replace(joint_position=robot.joint_position * 0.96)
     MapStore(robot, GRID, CONFIG, tmp_path).for_scene(scene)
     found = MapStore(shorter, GRID, CONFIG, tmp_path).for_scene(scene)
-    check(found, scene, build_map(shorter, scene.grasps[:, 2].tolist(), GRID, CONFIG).reachable)
+    check(found, scene, build_map(shorter, scene.first_grasp[:, 2].tolist(), GRID, CONFIG).reachable)
     assert len(builds) == 2
     MapStore(shorter, GRID, CONFIG, tmp_path).for_scene(scene)
     assert len(builds) == 2, "the new maps were not kept"
@@ -147,10 +146,9 @@ def test_a_folder_that_can_not_be_written_is_said_and_no_error(tmp_path, robot, 
 
 def test_heights_are_rounded(robot, scene):
     """Grasps less than half a step from each other's rounded height share a layer."""
-    grasp = np.array(scene.object_grasp)
     z = 0.75 + 0.5 * scene.object_size[:, 2]
-    grasp[:, 1] = 1.2 - z + np.array([0.0, 4e-5, -4e-5, 6e-5, 0.0, 0.0])
-    same = dataclasses.replace(scene, object_grasp=grasp.astype(np.float32))
+    height = 1.2 - z + np.array([0.0, 4e-5, -4e-5, 6e-5, 0.0, 0.0])
+    same = regrasp(scene, lambda pose: np.copyto(pose[:, 0, 2], height, casting="same_kind"))
     reach_map = MapStore(robot, GRID, CONFIG, None).for_scene(same)
     np.testing.assert_allclose(reach_map.height[:5], [1.2, 1.2, 1.2, 1.2001, 1.2], atol=1e-6)
 

@@ -28,7 +28,7 @@ def follow(scene, candidates, slots, poses):
 
     Where two choices are equally good, the planned one is followed.
     """
-    grasps, serves = np.asarray(scene.grasps, float), np.asarray(candidates.serves)
+    grasps, serves = np.asarray(scene.first_grasp, float), np.asarray(candidates.serves)
     base_pose = np.asarray(candidates.base_pose, float)
     pose, remaining, passed = np.asarray(scene.robot_start, float), set(np.flatnonzero(scene.mask).tolist()), []
     for slot, goal in zip(slots, np.asarray(poses, float), strict=True):

@@ -16,6 +16,7 @@ from basenet_jax.plots.drawing import FAILED, short_list, to_world
 from basenet_jax.task.picking import Reason, pick
 from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.world.generate import draw_scene
+from tests.regrasp import regrasp
 
 STOPS = jnp.array([[0.3, -0.9, 0.1], [0.3, -0.9, 0.1], [0.5, 0.95, 3.0], [0.0, 0.0, 0.0]])
 
@@ -30,7 +31,7 @@ def plan_and_outcome(feasible):
     plan = Plan(jnp.array([2, 0, 1, -1]), STOPS, is_step, jnp.zeros(4, int))
     times = jnp.array([6.0, 0.0, 12.0, 0.0])
     ok = jnp.array([*feasible, False])
-    return plan, Outcome(is_step, ok, jnp.where(ok, 0, 2), times, 9.0 * ok, jnp.zeros((4, 5, 6)))
+    return plan, Outcome(is_step, ok, jnp.where(ok, 0, 2), times, 9.0 * ok, jnp.zeros((4, 5, 6)), ok - 1)
 
 
 def steps_beside(figure):
@@ -88,9 +89,9 @@ def test_no_reach_at_a_height_is_no_error(robot, height):
 @pytest.mark.parametrize("grasped", [True, False])
 def test_an_object_below_the_lowest_reach_has_no_part_in_the_reach(robot, scene, grasped):
     """A plan that leaves it on the table is a plan, and so is one that grasps nothing at all."""
-    low = dataclasses.replace(scene, object_grasp=scene.object_grasp.at[1, 1].set(-1.6))
+    low = regrasp(scene, lambda pose: pose[1, :, 2].fill(-1.6))
     plan, outcome = plan_and_outcome([grasped, grasped, False])
-    assert arm_reach(robot, float(np.min(np.asarray(low.grasps)[:3, 2]))) is None
+    assert arm_reach(robot, float(np.min(np.asarray(low.first_grasp)[:3, 2]))) is None
     discs, usual = (
         [
             artist
@@ -116,7 +117,9 @@ def test_fifty_steps_fit_on_the_picture(robot, room):
     poses = jnp.tile(STOPS[0], (50, 1))
     plan = Plan(index, poses, jnp.ones(50, bool), jnp.zeros(50, int))
     ok = jnp.ones(50, bool)
-    figure = plot_plan(robot, many, plan, Outcome(ok, ok, 0 * index, 0.0 * index, 9.0 * ok, jnp.zeros((50, 5, 6))))
+    figure = plot_plan(
+        robot, many, plan, Outcome(ok, ok, 0 * index, 0.0 * index, 9.0 * ok, jnp.zeros((50, 5, 6)), 0 * index)
+    )
     figure.draw_without_rendering()
     box = figure.texts[0].get_window_extent()
     assert box.y0 >= 0

@@ -74,7 +74,9 @@ def test_a_collision_ends_the_episode_and_costs_every_object_left(robot, play, s
 
 def test_nearest_takes_the_nearest_and_random_varies(play, scenes):
     steps = play(Beside(), choose_nearest(scenes))
-    distance = np.linalg.norm(np.asarray(scenes.grasps)[..., :2] - np.asarray(scenes.robot_start)[:, None, :2], axis=-1)
+    distance = np.linalg.norm(
+        np.asarray(scenes.first_grasp)[..., :2] - np.asarray(scenes.robot_start)[:, None, :2], axis=-1
+    )
     distance[~np.asarray(scenes.mask)] = np.inf
     np.testing.assert_array_equal(steps.choice[0], distance.argmin(-1))
     assert not np.array_equal(play(Beside(), seed=1).choice, play(Beside(), seed=2).choice)

@@ -67,7 +67,7 @@ def test_cost_is_the_judges(robot, room):
     poses = jnp.asarray(aligned_poses(robot, room, compiled.ALIGNED))
     prepared = prepare_world(robot, make_drives(robot, room), poses)
     picks = compiled.check_candidates(robot, scene, poses).pick_time
-    problem = make_scene(prepared, picks, prepared.drive[0], scene.robot_start, scene.grasps, scene.mask)
+    problem = make_scene(prepared, picks, prepared.drive[0], scene.robot_start, scene.first_grasp, scene.mask)
     first_drive = compiled.navigation_time(robot, scene.robot_start, poses, room)
     problem = dataclasses.replace(problem, first_drive=jnp.asarray(first_drive))
     params = shaken(prepared, problem)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from basenet_jax.config import PickConfig
-from basenet_jax.robot.kinematics import components
-from basenet_jax.task.arm_solutions import Picks, solve
+from basenet_jax.task.arm_solutions import make_picks, solve
+from basenet_jax.world.grasps import top_down
 
 CONFIG = PickConfig(lattice_seeds=16, lattice_kept=4)
 
@@ -17,7 +17,8 @@ CONFIG = PickConfig(lattice_seeds=16, lattice_kept=4)
 def solutions(robot, picks, result):
     """By round size, those of 13 picks that can be done."""
     arm, chosen = robot.replace(closed_form=None), np.flatnonzero(result.feasible)[:13]
-    some = Picks(*(components(part[chosen]) for part in picks[:2]))
+    base_pose, grasp = (part[chosen] for part in picks[:2])
+    some = make_picks(base_pose, top_down(grasp))
 
     def solved(size):
         return jax.jit(lambda some: solve(arm, some, dataclasses.replace(CONFIG, lattice_chunk=size)))(some)

@@ -15,6 +15,7 @@ from basenet_jax.robot.robot_mjcf import TOOL_SITE
 from basenet_jax.task.picking import Reason
 from basenet_jax.task.plan import Plan, with_singular_values
 from basenet_jax.world.boxes import Room
+from basenet_jax.world.grasps import of_class
 from tests import compiled
 
 GOOD = np.array([0.35, -0.9, 0.05], np.float32)
@@ -34,10 +35,12 @@ def scene(room, robot):
         scene,
         object_pose=np.stack([x, np.full(6, -0.25), np.linspace(0, 1, 6)], axis=-1).astype(np.float32),
         object_size=np.tile(np.array([0.08, 0.08, 0.082], np.float32), (6, 1)),
-        object_grasp=np.tile(np.array([-0.06, 0.30, 0.0], np.float32), (6, 1)),
+        object_grasps=of_class(np.tile(np.array([-0.06, 0.30, 0.0], np.float32), (6, 1)), np),
         robot_start=np.array([2.6, -0.5, 1.0], np.float32),
     )
-    assert np.all(compiled.pick(robot, GOOD, scene.grasps[:4], room).feasible), "the scene is not what these tests need"
+    assert np.all(compiled.pick(robot, GOOD, scene.first_grasp[:4], room).feasible), (
+        "the scene is not what these tests need"
+    )
     return scene
 
 
@@ -53,7 +56,7 @@ def test_times_are_those_of_the_cost_functions(judge, scene, robot, room):
     outcome = judge(scene, plan)
     starts = np.stack([scene.robot_start, GOOD, GOOD, there])
     drives = compiled.navigation_time(robot, starts, plan.base_pose[:4], room)
-    picks = compiled.pick(robot, plan.base_pose[:4], np.asarray(scene.grasps)[plan.object_index[:4]], room)
+    picks = compiled.pick(robot, plan.base_pose[:4], np.asarray(scene.first_grasp)[plan.object_index[:4]], room)
     np.testing.assert_allclose(outcome.navigation_time[:4], drives, atol=1e-5)
     np.testing.assert_allclose(outcome.pick_time[:4], picks.time, atol=1e-5)
     assert float(outcome.navigation_time[1]) == 0.0, "staying costs nothing"

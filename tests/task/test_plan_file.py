@@ -13,6 +13,7 @@ from basenet_jax.task.picking import Reason
 from basenet_jax.task.plan import Outcome, Plan, with_singular_values
 from basenet_jax.task.plan_file import PlanFileError, load_plan, load_plan_world, save_plan
 from basenet_jax.world.boxes import Room
+from basenet_jax.world.grasps import of_class
 from basenet_jax.world.naming import name_objects
 from basenet_jax.world.scene import Scene
 from tests import compiled
@@ -28,7 +29,7 @@ def scene():
         Scene(
             object_pose=jnp.stack([x, jnp.full(5, -0.25), jnp.linspace(0, 1, 5)], axis=-1),
             object_size=jnp.tile(jnp.array([0.08, 0.08, 0.082]), (5, 1)),
-            object_grasp=jnp.tile(jnp.array([-0.06, 0.30, 0.0]), (5, 1)),
+            object_grasps=of_class(jnp.tile(jnp.array([-0.06, 0.30, 0.0]), (5, 1))),
             object_class=jnp.full(5, 3),
             mask=jnp.arange(5) < 4,
             surface_height=jnp.full(5, 0.75),

@@ -14,6 +14,7 @@ from basenet_jax.config import PickConfig
 from basenet_jax.robot import ur
 from basenet_jax.task import arm_solutions
 from basenet_jax.task.picking import Reason
+from basenet_jax.world.grasps import top_down
 from tests import compiled
 
 CONFIG = PickConfig()
@@ -39,7 +40,7 @@ def shortfall(robot, base, grasp):
     """By how much (m) the best branch misses the worse of grasp and pre-grasp, in float64."""
 
     def best(base, grasp):
-        picks = arm_solutions.Picks(tuple(base.T), tuple(grasp.T))
+        picks = arm_solutions.make_picks(base, top_down(grasp)).by(jnp.zeros(len(base), int))
         ends = [
             ur.closed_form(robot, arm_solutions.tool_target(robot, picks, height, 0.0), ur.all_branches(1)).shortfall
             for height in (CONFIG.pregrasp_height_m, 0.0)

@@ -9,6 +9,7 @@ from basenet_jax.viewer import asking
 from basenet_jax.viewer.asking import ask
 from basenet_jax.viewer.editing import add_object
 from tests.oracles.picking import pick
+from tests.regrasp import regrasp
 
 
 def test_the_heading_is_taken_from_which_most_can_be_picked_soonest(scene):
@@ -16,7 +17,7 @@ def test_the_heading_is_taken_from_which_most_can_be_picked_soonest(scene):
     answer = ask(scene, (0.35, -0.9))
     assert answer.base_pose[:2] == pytest.approx([0.35, -0.9])
     assert answer.reasons == (Reason.NONE, Reason.NONE)
-    grasps = np.asarray(scene.arrays.grasps[:2], float)
+    grasps = np.asarray(scene.arrays.first_grasp[:2], float)
     headings = np.arange(8) * np.pi / 4
     picks = [[pick((*answer.base_pose[:2], heading), grasp) for grasp in grasps] for heading in headings]
     feasible = np.array([all(each.reason is None for each in both) for both in picks])
@@ -40,14 +41,16 @@ def test_at_the_table_there_is_no_room(scene):
 
 def test_where_one_heading_collides_and_nothing_can_be_picked_the_others_are_heard(scene):
     """Beside the table's short end the base has room lengthwise, not crosswise."""
-    grasp = np.array(scene.arrays.object_grasp)
-    grasp[:, 1] += 5.0  # m: higher than any arm reaches
-    high = dataclasses.replace(scene, arrays=dataclasses.replace(scene.arrays, object_grasp=grasp))
+
+    def raise_all(pose: np.ndarray) -> None:
+        pose[..., 2] += 5.0  # m: higher than any arm reaches
+
+    high = dataclasses.replace(scene, arrays=regrasp(scene.arrays, raise_all))
     answer = ask(high, (1.4, 0.0))
-    assert pick((1.4, 0.0, 0.0), np.asarray(high.arrays.grasps[0], float)).reason == "base_collides"
+    assert pick((1.4, 0.0, 0.0), np.asarray(high.arrays.first_grasp[0], float)).reason == "base_collides"
     assert (answer.count, answer.collides) == (0, False)
     assert answer.reasons == (Reason.OUT_OF_REACH, Reason.OUT_OF_REACH)
-    shown = pick(tuple(answer.base_pose), np.asarray(high.arrays.grasps[0], float))
+    shown = pick(tuple(answer.base_pose), np.asarray(high.arrays.first_grasp[0], float))
     assert shown.reason == "out_of_reach", "the pose that is drawn collides"
 
 

@@ -226,11 +226,11 @@ def test_what_takes_long_is_told(session, screen, gate, monkeypatch):
 
 
 def test_a_planner_is_also_warmed_up_for_objects_out_of_reach(session, called):
-    heights = [float(scene.object_grasp[0, 1]) for scene in called]
+    heights = [float(scene.object_grasps.pose[0, 0, 2]) for scene in called]
     assert max(heights) > 5.0
     move(session, -0.3)
     assert session.wait_idle(WATCHDOG_S)
-    assert max(float(scene.object_grasp[0, 1]) for scene in called[len(heights) :]) < 1.0, "once is enough"
+    assert max(float(scene.object_grasps.pose[0, 0, 2]) for scene in called[len(heights) :]) < 1.0, "once is enough"
 
 
 def test_an_unforeseen_error_leaves_it_running(session, screen, monkeypatch, capsys):

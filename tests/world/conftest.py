@@ -28,7 +28,7 @@ def scene(room):
     return Scene(
         object_pose=jnp.array([[0.5, 0.1, 0.7], [-0.3, -0.2, -1.0], [9.0, 9.0, 9.0]]),
         object_size=jnp.array([[0.06, 0.16, 0.21], [0.08, 0.08, 0.082], [1.0, 1.0, 1.0]]),
-        object_grasp=jnp.zeros((3, 3)),
+        object_grasps=of_class(jnp.zeros((3, 3))),
         object_class=jnp.array([0, 3, 0]),
         mask=jnp.array([True, True, False]),
         surface_height=jnp.full(3, room.table_height),

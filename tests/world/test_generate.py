@@ -10,6 +10,7 @@ import pytest
 
 from basenet_jax.world.boxes import Room
 from basenet_jax.world.generate import draw_problem, draw_scene, footprint_radius
+from basenet_jax.world.grasps import of_class
 from basenet_jax.world.scene import MAX_OBJECTS, OBJECT_CLASSES
 
 
@@ -65,9 +66,9 @@ def test_grasps_stand_where_the_design_says():
         scene,
         object_pose=jnp.array([[0.0, 0.0, jnp.pi / 2]]),
         object_size=jnp.array([mug.size]),
-        object_grasp=jnp.array([[mug.grasp_x, mug.grasp_z, mug.grasp_yaw]]),
+        object_grasps=of_class(jnp.array([[mug.grasp_x, mug.grasp_z, mug.grasp_yaw]])),
     )
-    np.testing.assert_allclose(scene.grasps[0], [0.0, -0.06, 0.75 + 0.041 + 0.30, np.pi / 2], atol=1e-6)
+    np.testing.assert_allclose(scene.first_grasp[0], [0.0, -0.06, 0.75 + 0.041 + 0.30, np.pi / 2], atol=1e-6)
 
 
 def test_too_many_objects_for_a_table_are_reported_not_squeezed_in():

@@ -17,6 +17,7 @@ from basenet_jax.world.generate_rooms import draw_room
 from basenet_jax.world.room_file import as_room
 from basenet_jax.world.scene_file import SceneFileError, load_scene, save_scene
 from tests import scene_texts
+from tests.regrasp import regrasp
 from tests.room_texts import TEXT, content, rules
 
 
@@ -73,7 +74,7 @@ def test_a_room_is_read_as_it_stands(folder):
     assert boxes.bears_objects.tolist() == [True] * 2 + [False] * 4
     np.testing.assert_allclose(arrays.surface_height, [0.82, 0.82, 1.05])
     assert arrays.object_class.tolist() == [3, 4, -1]
-    np.testing.assert_allclose(arrays.object_grasp[2], [0.0, 0.3, math.radians(30)], atol=1e-7)
+    np.testing.assert_allclose(arrays.object_grasps.pose[2, 0], [0, 0, 0.3, math.pi, 0, math.radians(30)], atol=1e-6)
     assert rules(scene) == ("docked", True)
 
 
@@ -268,15 +269,16 @@ def test_a_saved_room_comes_back_the_same(folder, seed, count, suffix):
 
 
 @settings(max_examples=100)
-@given(st.lists(st.floats(-2, 2, width=32), min_size=2, max_size=2), st.floats(-100, 100, width=32))
-def test_any_top_down_grasp_and_pose_are_written_to_the_last_bit(folder, position, yaw):
+@given(
+    st.lists(st.floats(-2, 2, width=32), min_size=3, max_size=3),
+    st.lists(st.floats(-100, 100, width=32), min_size=3, max_size=3),
+)
+def test_any_grasp_is_written_to_the_last_bit(folder, position, angles):
     scene = load_text(folder, TEXT)
-    arrays = jax.device_get(scene.arrays)
-    grasp = arrays.object_grasp.copy()
-    grasp[2] = (*position, yaw)
-    changed = dataclasses.replace(scene, arrays=dataclasses.replace(arrays, object_grasp=grasp))
-    save_scene(folder / "saved.yaml", changed)
-    np.testing.assert_array_equal(load_scene(folder / "saved.yaml").arrays.object_grasp, grasp)
+    arrays = regrasp(jax.device_get(scene.arrays), lambda pose: np.copyto(pose[2, 0], [*position, *angles]))
+    save_scene(folder / "saved.yaml", dataclasses.replace(scene, arrays=arrays))
+    saved = load_scene(folder / "saved.yaml").arrays.object_grasps
+    jax.tree.map(np.testing.assert_array_equal, saved, arrays.object_grasps)
 
 
 def test_the_example_with_a_map_comes_back_the_same_but_for_a_folder_without_it(folder):

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from basenet_jax.documents.text_files import MAX_JSON_BYTES, MAX_YAML_BYTES
 from basenet_jax.world.boxes import Room
 from basenet_jax.world.generate import draw_scene
+from basenet_jax.world.grasps import of_class
 from basenet_jax.world.naming import name_objects
 from basenet_jax.world.scene import BY_SLOT, MAX_OBJECTS, OBJECT_CLASSES, NamedScene
 from basenet_jax.world.scene_file import SceneFileError, load_scene, save_scene
@@ -53,7 +54,9 @@ def test_a_scene_is_read_as_it_stands(folder):
     mug = OBJECT_CLASSES[3]
     np.testing.assert_array_equal(arrays.object_pose, np.array([[0.31, -0.22, 0.4], [0.1, -0.2, 1.1]], np.float32))
     np.testing.assert_array_equal(arrays.object_size, np.array([mug.size, (0.05, 0.05, 0.12)], np.float32))
-    np.testing.assert_array_equal(arrays.object_grasp, np.array([(-0.06, 0.3, 0.0), (0.0, 0.3, 0.0)], np.float32))
+    np.testing.assert_array_equal(
+        arrays.object_grasps.planar[:, 0], np.array([(-0.06, 0, 0.3, 0), (0, 0, 0.3, 0)], np.float32)
+    )
     assert arrays.object_class.tolist() == [3, -1]
     assert arrays.mask.tolist() == [True, True]
     np.testing.assert_array_equal(arrays.robot_start, np.array([2.4, -1.1, 1.57], np.float32))
@@ -239,7 +242,7 @@ def draw():
     def named(seed: int, count: int) -> NamedScene:
         arrays, placed = draw(jax.random.key(seed), count)
         assert bool(placed)
-        slots = {name: getattr(arrays, name)[:count] for name in BY_SLOT}
+        slots = jax.tree.map(lambda x: x[:count], {name: getattr(arrays, name) for name in BY_SLOT})
         return name_objects(dataclasses.replace(arrays, **slots))
 
     return named
@@ -285,7 +288,7 @@ def test_an_object_changed_from_its_class_is_written_with_its_own_size(folder, d
         scene.arrays,
         object_class=jnp.array([3, 3]),
         object_size=jnp.array([mug.size, (0.08, 0.08, 0.09)]),
-        object_grasp=jnp.tile(jnp.array([mug.grasp_x, mug.grasp_z, mug.grasp_yaw]), (2, 1)),
+        object_grasps=of_class(jnp.tile(jnp.array([mug.grasp_x, mug.grasp_z, mug.grasp_yaw]), (2, 1))),
     )
     save_scene(folder / "own.yaml", dataclasses.replace(scene, arrays=arrays))
     again = load_scene(folder / "own.yaml").arrays
