@@ -92,7 +92,7 @@ def _draw_pairs(robot: Robot, room: Room, count: int, seed: int, world: WorldCon
     usable = jax.jit(
         lambda pose, grasp: (
             ~base_collides(robot, pose, room, world.pick.base_clearance_m, world.pick.touching_m)
-            & within_reach(robot, pose, grasp)
+            & within_reach(robot, pose, grasp[..., :3])
         )
     )
     parts: list[np.ndarray] = []

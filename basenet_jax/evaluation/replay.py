@@ -20,7 +20,7 @@ from basenet_jax.config import PickConfig, WorldConfig
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.robot_mjcf import TOOL_SITE
 from basenet_jax.task.arm_solutions import heights
-from basenet_jax.task.picking import Reason, Rules, checked_fractions
+from basenet_jax.task.pick_search import Reason, Rules, checked_fractions
 from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.world.boxes import Room, fingerprint
 from basenet_jax.world.grasps import Grasps

@@ -10,11 +10,12 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jax import Array
 
-from basenet_jax.robot.kinematics import Frame, Vector, cross, dot, scale, subtract
+from basenet_jax.robot.kinematics import Frame, Vector, add, cross, dot, scale, subtract
 from basenet_jax.robot.model import Robot
 from basenet_jax.trigonometry import atan2
 
 BRANCHES = 8
+_ALIGNED = 1e-6  # of sin q5, below which joints 4 and 6 turn about one line
 
 
 class Branch(NamedTuple):
@@ -51,8 +52,8 @@ def closed_form(robot: Robot, target: Frame, branch: Branch) -> ClosedForm:
     Derived from the DH frames of Universal Robots' arms (K. Hawkins, *Analytic inverse kinematics for the Universal
     Robots UR-5/UR-10 arms*, 2013, gives the same eight solutions). Where the target is out of reach, the joints of
     the nearest stretched or folded arm with the target's orientation are returned, and the shortfall is positive.
-    Where joints 4 and 6 align (sin q5 = 0) the choice between them is free and no solution is given (the joints
-    then miss the target); top-down grasps have sin q5 = +-1.
+    Where joints 4 and 6 align (sin q5 = 0) the choice between them is free; the two wrist branches then are those with
+    joint 5's axis upright.
 
     Args:
         robot: one with `closed_form == "ur"`; its lengths are read from its joint frames, so a calibrated arm's
@@ -64,13 +65,14 @@ def closed_form(robot: Robot, target: Frame, branch: Branch) -> ClosedForm:
     d4, d5, d6 = robot.joint_position[4, 2], robot.joint_position[5, 2], robot.tool_position[2]
     wrist_centre = subtract(target.origin, scale(d6, target.z))
     m, cylinder_shortfall = _parallel_axis(wrist_centre, d4, branch.shoulder)
-    x_m, y_m, z_m = dot(target.x, m), dot(target.y, m), dot(target.z, m)  # = sin5 cos6, -sin5 sin6, cos5
+    z_m = dot(target.z, m)  # cos5
     # Of length sin5, and computed from the tool's z alone: so all but joint 6 is the same, and computed once, for
     # targets that differ in a turn of the tool about its z.
     across = cross(m, target.z)
     sin_5 = jnp.sqrt(dot(across, across))
-    over_sin_5 = branch.wrist / jnp.where(sin_5 > 0, sin_5, 1.0)
-    wrist_axis = scale(over_sin_5, across)  # joint 5's
+    aligned = sin_5 < _ALIGNED
+    over_sin_5 = jnp.where(aligned, 0.0, branch.wrist / jnp.where(aligned, 1.0, sin_5))
+    wrist_axis = add(scale(over_sin_5, across), (0.0, 0.0, jnp.where(aligned, branch.wrist, 0.0)))  # joint 5's
     elbow_end = subtract(subtract(wrist_centre, scale(d5, wrist_axis)), scale(d4, m))
     radial = elbow_end[1] * m[0] - elbow_end[0] * m[1]  # m = (sin1, -cos1, 0)
     q2, q3, elbow_shortfall = _planar_two_link(radial, elbow_end[2] - d1, a2, a3, branch.elbow)
@@ -81,7 +83,7 @@ def closed_form(robot: Robot, target: Frame, branch: Branch) -> ClosedForm:
         q3,
         q234 - q2 - q3,
         atan2(branch.wrist * sin_5, z_m),
-        atan2(-y_m * over_sin_5, x_m * over_sin_5),
+        atan2(-dot(wrist_axis, target.x), -dot(wrist_axis, target.y)),
     )
     return ClosedForm(joints, cylinder_shortfall + elbow_shortfall)
 

@@ -9,6 +9,7 @@ import pytest
 
 from basenet_jax.config import PickConfig
 from basenet_jax.task.picking import pick
+from basenet_jax.world.grasps import top_down
 from tests.oracles import arm
 from tests.oracles import picking as oracle
 from tests.task.pick_cases import (
@@ -36,7 +37,7 @@ def test_agrees_with_enumeration_in_float64_and_vmapped(robot, picks, expected):
     with jax.enable_x64(True):
         rows = np.resize(np.arange(len(picks.grasp)), 512).reshape(16, -1)
         base_pose, grasp, height = (jnp.asarray(part[rows]) for part in picks)
-        each = jax.jit(jax.vmap(lambda pose, goal, top: pick(robot, pose, goal, rooms(top))))
+        each = jax.jit(jax.vmap(lambda pose, goal, top: pick(robot, pose, top_down(goal), rooms(top))))
         result = jax.tree.map(lambda x: np.concatenate(x)[: len(picks.grasp)], each(base_pose, grasp, height))
     assert result.time.dtype == np.float64
     check_against_oracle(picks, result, expected)

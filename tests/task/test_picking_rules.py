@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from basenet_jax.config import PickConfig
-from basenet_jax.task import picking
+from basenet_jax.task import pick_search
 from tests.oracles import arm
 from tests.oracles import picking as oracle
 from tests.task.pick_cases import Cases, cases, check_against_oracle, expect, judge, reasons
@@ -136,5 +136,5 @@ def test_gripper_just_above_the_table(robot):
 
 def test_the_checked_states_are_the_oracles(robot):
     waypoints = np.random.default_rng(4).uniform(-2.0, 2.0, (len(oracle.HEIGHTS), 6)).astype(np.float32)
-    found = picking._checked_states(robot, jnp.asarray(waypoints.T)[:, :, None], PickConfig())
+    found = pick_search._checked_states(robot, jnp.asarray(waypoints.T)[:, :, None], PickConfig())
     np.testing.assert_allclose(found[:, :, 0].T, oracle.checked_states(waypoints.astype(float)), atol=1e-6)  # float32

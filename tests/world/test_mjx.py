@@ -11,6 +11,7 @@ from basenet_jax.config import PickConfig
 from basenet_jax.task.picking import pick
 from basenet_jax.world import clearance, mujoco_scene
 from basenet_jax.world.boxes import Room
+from basenet_jax.world.grasps import top_down
 from tests import compiled
 from tests.world.states import DOF, ROUNDING, TOUCHING, doubtful
 
@@ -100,7 +101,7 @@ def test_pick_takes_the_mjx_check(mjx, robot, room):
     grasp = jnp.array([0.2, -0.2, 1.155, 0.4])
     config = PickConfig(chunk=4)
     by_kernel = compiled.pick(robot, base_pose, grasp, room)
-    by_mjx = jax.jit(lambda: pick(robot, base_pose, grasp, room, config, arm_check=mjx.arm_touches))()
+    by_mjx = jax.jit(lambda: pick(robot, base_pose, top_down(grasp), room, config, arm_check=mjx.arm_touches))()
     assert by_kernel.feasible.any()
     np.testing.assert_array_equal(by_mjx.reason, by_kernel.reason)
     np.testing.assert_allclose(by_mjx.time, by_kernel.time, rtol=1e-6)
