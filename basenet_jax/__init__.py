@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from basenet_jax.robot.kinematics import geometric_jacobian as geometric_jacobian
     from basenet_jax.robot.model import Robot as Robot
     from basenet_jax.robot.reading import load_robot as load_robot
+    from basenet_jax.task.free_ik import collision_free_ik as collision_free_ik
     from basenet_jax.task.navigation import navigation_time as navigation_time
     from basenet_jax.task.picking import Reason as Reason
     from basenet_jax.task.picking import pick as pick
@@ -36,7 +37,10 @@ if TYPE_CHECKING:
     from basenet_jax.task.plan_file import load_plan as load_plan
     from basenet_jax.task.plan_file import load_plan_world as load_plan_world
     from basenet_jax.task.plan_file import save_plan as save_plan
+    from basenet_jax.world.boxes import Boxes as Boxes
     from basenet_jax.world.generate import draw_scene as draw_scene
+    from basenet_jax.world.grasps import Grasps as Grasps
+    from basenet_jax.world.grasps import top_down as top_down
     from basenet_jax.world.scene import NamedScene as NamedScene
     from basenet_jax.world.scene import Room as Room
     from basenet_jax.world.scene import Scene as Scene
@@ -46,6 +50,8 @@ if TYPE_CHECKING:
 
 _MODULES = {
     "BasePoseEnv": "learning.base_pose_env",
+    "Boxes": "world.boxes",
+    "Grasps": "world.grasps",
     "NamedScene": "world.scene",
     "Outcome": "task.plan",
     "Plan": "task.plan",
@@ -59,6 +65,7 @@ _MODULES = {
     "Room": "world.boxes",
     "TrainConfig": "learning.config",
     "WorldConfig": "config",
+    "collision_free_ik": "task.free_ik",
     "draw_scene": "world.generate",
     "execute": "api",
     "export_plan": "api",
@@ -81,10 +88,13 @@ _MODULES = {
     "save_plan": "task.plan_file",
     "save_scene": "world.scene_file",
     "solve_ik": "robot.ik",
+    "top_down": "world.grasps",
 }
 
 __all__ = [
     "BasePoseEnv",
+    "Boxes",
+    "Grasps",
     "NamedScene",
     "Outcome",
     "Plan",
@@ -98,6 +108,7 @@ __all__ = [
     "ScenePlanner",
     "TrainConfig",
     "WorldConfig",
+    "collision_free_ik",
     "draw_scene",
     "execute",
     "export_plan",
@@ -120,6 +131,7 @@ __all__ = [
     "save_plan",
     "save_scene",
     "solve_ik",
+    "top_down",
 ]
 
 

@@ -150,3 +150,15 @@ def test_branch_numbers_and_axes_agree():
     axes = jnp.broadcast_arrays(*ur.all_branches(0))
     for by_number, by_axis in zip(numbers, axes, strict=True):
         np.testing.assert_array_equal(by_number, by_axis.reshape(-1))
+
+
+def test_where_joints_4_and_6_align_two_wrists_are_chosen(robot):
+    """Wrist 2 at 0 or pi: every such pose of the tool is reached, though one of its solutions was free to choose."""
+    rng = np.random.default_rng(8)
+    joints = rng.uniform(-np.pi, np.pi, (200, 6))
+    joints[:, 4] = np.where(rng.uniform(size=200) < 0.5, 0.0, np.pi)
+    poses = np.array([oracle.chain(q)[-1] for q in joints])
+    found, shortfall = branches(robot, poses)
+    errors = np.array([[oracle.pose_error(q, pose) for q, pose in zip(row, poses, strict=True)] for row in found])
+    reached = (shortfall < BORDER) & (errors[..., 0] < BORDER) & (errors[..., 1] < ANGLE)
+    assert np.all(np.sum(reached, axis=0) >= 2)
