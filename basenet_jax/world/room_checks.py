@@ -66,6 +66,8 @@ def check_objects(room: RoomFields) -> None:
     objects = room.objects
     for index, item in enumerate(objects):
         check_kind(item.class_, {"size": item.size, "grasps": item.grasps}, f"objects[{index}]")
+        if item.class_ is not UNSET and item.tool_frame is not UNSET:
+            raise field_error(f"objects[{index}].tool_frame", "it beside class", "is a frame of grasps of one's own")
     pose, size = np.array([item.pose for item in objects]), np.array([size_of(item) for item in objects])
     bottom = np.array([room.surfaces[index].height for index in surfaces_under(room)])
     top = bottom + size[:, 2]

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from basenet_jax.task.picking import Reason, pick
+from basenet_jax.world.grasps import top_down
 from tests.task.pick_cases import FLOAT32_BOUND, Cases, cases, decided_by_rounding, judge
 
 
@@ -56,7 +57,7 @@ def test_shapes_broadcast_and_tracing_is_once(robot, room, picks):
     traced = jax.jit(chex.assert_max_traces(pick, n=1))
     for first in (0, 6):
         base_pose, grasp = (jnp.asarray(part[first : first + 6], jnp.float32) for part in picks[:2])
-        lowered = traced.lower(robot, base_pose.reshape(2, 1, 3, 3), grasp[:4, None], room)
+        lowered = traced.lower(robot, base_pose.reshape(2, 1, 3, 3), top_down(grasp[:4, None]), room)
     shapes = jax.tree.map(lambda x: x.shape, lowered.out_info)
     assert (shapes.feasible, shapes.reason, shapes.time) == ((2, 4, 3),) * 3
     assert shapes.joints == (2, 4, 3, 5, 6)

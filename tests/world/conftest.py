@@ -3,6 +3,7 @@ import numpy as np
 import pytest
 
 from basenet_jax.world import mujoco_scene
+from basenet_jax.world.grasps import of_class
 from basenet_jax.world.scene import Scene
 from tests.world.states import random_states
 
