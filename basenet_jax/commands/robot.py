@@ -25,6 +25,8 @@ class Check:
 
     robot: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="FILE")]
     """A robot file, or a packaged robot's name."""
+    package: tuple[str, ...] = ()
+    """Description packages that lie elsewhere, NAME=DIR each, for package://NAME/... in the model."""
     out: Path | None = None
     """Folder for two pictures, NAME-frames.png and NAME-reach.png; made if it isn't there."""
     grasps: int = 128
@@ -63,7 +65,7 @@ def _check(options: Check) -> int:
 
     enable_cache()
     try:
-        source = find_source(options.robot)
+        source = find_source(options.robot, _packages(options.package))
         if options.out:
             options.out.mkdir(parents=True, exist_ok=True)
     except ValueError as error:
@@ -79,6 +81,21 @@ def _check(options: Check) -> int:
     if findings.faults:
         return _fail(3, "\n  ".join([f"{source.robot.name}:", *findings.faults]))
     return 0
+
+
+def _packages(given: tuple[str, ...]) -> dict[str, Path]:
+    """Folders by packages' names.
+
+    Raises:
+        ValueError: one isn't NAME=DIR, or no folder.
+    """
+    packages = {}
+    for each in given:
+        name, _, folder = each.partition("=")
+        if not name or not folder or not Path(folder).is_dir():
+            raise ValueError(f"--package: found {each!r}, allowed are NAME=DIR, a package's name and its folder")
+        packages[name] = Path(folder).resolve()
+    return packages
 
 
 def _draw(robot: "Robot", findings: "Findings", folder: Path) -> None:

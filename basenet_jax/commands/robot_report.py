@@ -45,6 +45,8 @@ def report(source: Source, grasps: int, seed: int) -> Findings:
     console, robot, room = Console(), source.robot, Room.from_config()
     waiting = Console(stderr=True)
     console.print(_facts(source))
+    for note in source.notes:
+        console.print(f"note: {note}")
     faults = []
     with waiting.status("comparing kinematics with MuJoCo ..."):
         difference = compare_with_mujoco(source, seed)

@@ -17,11 +17,12 @@ from basenet_jax.config import WorldConfig
 from basenet_jax.documents.fields import DocumentError
 from basenet_jax.evaluation.servable import Served, serve
 from basenet_jax.planners.aligned_stops import aligned_poses
+from basenet_jax.robot.assembly import fixed_joints
 from basenet_jax.robot.fields import GRASP_DEPTH_M
 from basenet_jax.robot.ik import solve_ik
 from basenet_jax.robot.kinematics import forward_kinematics, geometric_jacobian
 from basenet_jax.robot.model import Robot
-from basenet_jax.robot.model_arm import find_frame, find_tool
+from basenet_jax.robot.model_arm import find_frame, find_tool, start_state
 from basenet_jax.robot.reading import Source
 from basenet_jax.robot.rest import check_tables
 from basenet_jax.robot.set_up import set_up_faults
@@ -63,7 +64,7 @@ def compare_with_mujoco(source: Source, seed: int = 0) -> Difference:
     with jax.enable_x64(True):
         compute = jax.jit(lambda robot, q: (*forward_kinematics(robot, q), geometric_jacobian(robot, q)))
         found = [np.asarray(x) for x in compute(robot, jnp.asarray(joints))]
-    data = mujoco.MjData(model)
+    data = start_state(model, fixed_joints(file, model))
     ids = [model.joint(name).id for name in file.joints]
     worst = np.zeros(3)
     for state, *own in zip(joints, *found, strict=True):

@@ -70,6 +70,17 @@ def _arm_leaves(arm: Arm, model: mujoco.MjModel, capsules: list[Capsule]) -> dic
     }
 
 
+def fixed_joints(file: RobotFile, model: mujoco.MjModel) -> dict[str, float]:
+    """Where the robot file's fixed joints stay (rad or m); names that the model hasn't are left as they are."""
+
+    def in_si(name: str, value: float) -> float:
+        joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
+        slides = joint >= 0 and model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE
+        return float(value) if slides else math.radians(value)
+
+    return {name: in_si(name, value) for name, value in file.fixed.items()}
+
+
 def _joint_leaves(file: RobotFile, sliding: tuple[bool, ...]) -> dict[str, np.ndarray]:
     unit = np.where(sliding, 1.0, math.pi / 180.0)
     return {

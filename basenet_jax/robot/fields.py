@@ -1,13 +1,14 @@
 """The fields of the robot file, `basenet-robot/1`: everything about a mobile manipulator that its model can't say."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from msgspec import UNSET, Meta, Struct, UnsetType, field
 
 FORMAT = "basenet-robot/1"
-MIN_JOINTS, MAX_JOINTS = 6, 7
+MIN_JOINTS, MAX_JOINTS = 6, 8
 MAX_CAPSULES = 64
 GRASP_DEPTH_M = 0.25  # of the frame that objects' grasps are given for: so far before it fingers meet
+SHAPES = ("collision", "visual")
 DRIVES = ("differential", "omnidirectional")  # turn, drive, turn; or in any direction with the heading kept
 
 # Bounds that any mobile manipulator keeps, and that a wrong unit breaks: millimetres, degrees per second.
@@ -109,10 +110,12 @@ class RobotFile(Struct, forbid_unknown_fields=True, kw_only=True):
     mount: MountFields
     base: BaseFields
     deck: DeckFields
+    fixed: dict[str, Any] = field(default_factory=dict)  # degrees or m, by joint
+    shapes: str = SHAPES[0]  # which of the model's
     capsules: Annotated[list[CapsuleFields], Meta(max_length=MAX_CAPSULES)] = field(default_factory=list)
 
 
-_COUNT = f"{MIN_JOINTS} or {MAX_JOINTS}"
+_COUNT = f"{MIN_JOINTS} to {MAX_JOINTS}"
 _POINT = "is [x, y, z], three numbers (m)"
 _LENGTH, _SIDE = "is a number from -3 to 3 (m)", "is a number from 0.05 to 3 (m)"
 _ANGLE = "is a number from -720 to 720 (degrees, or m of a sliding joint)"
@@ -126,7 +129,8 @@ ALLOWED = {
     "frames": "is a mapping of arm_base and tool (or tool.frame)",
     "frames.arm_base": "is the name of a site or body (link) of the model",
     "frames.tool": "is the name of a site or body (link) of the model",
-    "joints": f"is a list of {_COUNT} joint names, from arm base to tool",
+    "joints": f"is a list of {_COUNT} joint names, from arm base to tool (with fewer a gripper can't be held straight "
+    "down, turned in any way, at any place; of more, freeze some under fixed)",
     "joints[]": "is a joint's name",
     "closed_form": "is ur, for Universal Robots' DH frames, or no such key",
     "drive": f"is {' or '.join(DRIVES)}, or no such key",
@@ -170,6 +174,8 @@ ALLOWED = {
     "deck.center[]": _LENGTH,
     "deck.size": "is [x, y], two numbers (m)",
     "deck.size[]": _SIDE,
+    "fixed": "is a mapping of joints' names and where they stay (degrees, or m of a sliding joint), or no such key",
+    "shapes": f"is {' or '.join(SHAPES)}, or no such key",
     "capsules": f"is a list of up to {MAX_CAPSULES} capsules, or no such key",
     "capsules[]": "is a mapping of frame, start, end and radius",
     "capsules[].frame": "is the name of a site or body (link) of the model",

@@ -6,9 +6,10 @@
 import functools
 import hashlib
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 import jax
@@ -17,11 +18,12 @@ import numpy as np
 
 from basenet_jax.documents.fields import DocumentError, convert
 from basenet_jax.documents.text_files import read_json, read_yaml
-from basenet_jax.robot.assembly import build_robot
+from basenet_jax.robot.assembly import build_robot, fixed_joints
 from basenet_jax.robot.capsule_fit import Fit
 from basenet_jax.robot.fields import ALLOWED, FORMAT, RobotFile
 from basenet_jax.robot.model import Robot
-from basenet_jax.robot.model_arm import Arm, Capsule, between, compile_model, find_frame, read_arm
+from basenet_jax.robot.model_arm import Arm, Capsule, between, compile_model, find_frame, read_arm, start_state
+from basenet_jax.robot.model_joints import check_chain, check_joint_texts, joint_notes
 from basenet_jax.robot.model_text import read_model_text
 from basenet_jax.robot.robot_checks import check_file, check_model_path, check_robot
 from basenet_jax.robot.robot_mjcf import write_mjcf
@@ -45,6 +47,7 @@ class Source(NamedTuple):
     file: RobotFile
     model: mujoco.MjModel  # the file's own, without inertias and looks
     files: tuple[Path, ...]  # all that was read, meshes too
+    notes: tuple[str, ...] = ()  # what an owner may not have meant, though it can be used
 
 
 @functools.cache
@@ -109,15 +112,23 @@ def _stamp(files: Iterable[Path]) -> Stamp:
     return tuple(map(of, files))
 
 
-def find_source(reference: str) -> Source:
-    """What a robot is read from, anew each time, and the robot even if its arm touches its body at rest."""
+def find_source(reference: str, packages: Mapping[str, Path] = MappingProxyType({})) -> Source:
+    """What a robot is read from, anew each time, and the robot even if its home or stow is wrong.
+
+    Args:
+        reference: as for `load_robot`.
+        packages: folders of description packages that lie elsewhere, by their names.
+
+    Raises:
+        ValueError: as for `load_robot`.
+    """
     if reference in packaged_robots():
         with resources.as_file(resources.files("basenet_jax.robot") / "assets") as assets:
             return read_source(assets / f"{reference}.yaml", packaged=True)
     if not reference.lower().endswith(SUFFIXES):
         allowed = f"{', '.join(packaged_robots())}, or the path of a robot file ({', '.join(SUFFIXES)})"
         raise ValueError(f"robot: found {reference!r}, allowed are {allowed}")
-    return read_source(reference)
+    return read_source(reference, packages=packages)
 
 
 def robot_digest(robot: Robot) -> str:
@@ -145,17 +156,33 @@ def read_robot(path: str | os.PathLike[str]) -> Robot:
     return _usable(read_source(path), path)
 
 
-def read_source(path: str | os.PathLike[str], *, packaged: bool = False) -> Source:
-    """The robot of a file, with the model as MuJoCo sees it; whether its arm rests in its body isn't checked."""
+def read_source(
+    path: str | os.PathLike[str], *, packaged: bool = False, packages: Mapping[str, Path] = MappingProxyType({})
+) -> Source:
+    """The robot of a file, with the model as MuJoCo sees it; whether its arm rests in its body isn't checked.
+
+    Args:
+        path: of the robot file.
+        packaged: whether it comes with basenet_jax.
+        packages: folders of description packages that lie elsewhere, by their names.
+
+    Raises:
+        RobotFileError: the file or the model is refused.
+    """
     path = Path(path)
     try:
         document = read_json(path) if path.suffix.lower() == ".json" else read_yaml(path)
         file = convert(document, RobotFile, format_name=FORMAT, allowed=ALLOWED)
         check_file(file, () if packaged else packaged_robots())
         folder = path.resolve().parent
-        text = read_model_text(check_model_path(file.model, folder), folder)
-        model = compile_model(text, with_shapes=not file.capsules)
-        arm = read_arm(model, joints=file.joints, arm_base=file.frames.arm_base, tool=tool_place(file))
+        model_path = check_model_path(file.model, folder)
+        text = read_model_text(model_path, folder, visual=file.shapes == "visual", packages=packages)
+        tool, arm_base = tool_place(file), file.frames.arm_base
+        check_joint_texts(file.joints, text.joints)
+        check_chain(tool.field, arm_base, tool.frame, text.joints)
+        shapes = None if file.capsules else file.shapes
+        model = compile_model(text, joints=file.joints, arm_base=arm_base, shapes=shapes)
+        arm = read_arm(model, joints=file.joints, arm_base=arm_base, tool=tool, fixed=fixed_joints(file, model))
         if file.capsules:
             arm = arm._replace(capsules=_own_capsules(file, model, arm))
         robot = build_robot(file, model, arm)
@@ -163,12 +190,14 @@ def read_source(path: str | os.PathLike[str], *, packaged: bool = False) -> Sour
     except DocumentError as error:
         raise RobotFileError(f"{path}: {error}") from None
     stays = [(capsule.link, capsule.fit) for capsule in arm.capsules if capsule.link == 0]
-    return Source(robot.replace(model_xml=write_mjcf(robot, stays)), file, model, (path.resolve(), *text.files))
+    notes = joint_notes(file.joints, file.joint_speed, ~model.jnt_limited[arm.joint_ids].astype(bool), text.joints)
+    own = robot.replace(model_xml=write_mjcf(robot, stays))
+    return Source(own, file, model, (path.resolve(), *text.files), tuple(notes))
 
 
 def _own_capsules(file: RobotFile, model: mujoco.MjModel, arm: Arm) -> list[Capsule]:
     """The robot file's capsules, in their links."""
-    data = mujoco.MjData(model)
+    data = start_state(model, fixed_joints(file, model))
     data.qpos[model.jnt_qposadr[arm.joint_ids]] = 0.0
     mujoco.mj_kinematics(model, data)
     link_frames = [find_frame(model, data, "frames.arm_base", file.frames.arm_base)[1]]

@@ -9,7 +9,7 @@ from msgspec import UnsetType
 
 from basenet_jax.documents.fields import describe, field_error
 from basenet_jax.documents.text_files import inside
-from basenet_jax.robot.fields import ALLOWED, DRIVES, RobotFile
+from basenet_jax.robot.fields import ALLOWED, DRIVES, SHAPES, RobotFile
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.robot_mjcf import BASE_JOINTS
 
@@ -38,6 +38,13 @@ def check_file(file: RobotFile, taken: Sequence[str]) -> None:
         raise field_error("name", f"{describe(file.name)}, a packaged robot's", "is a name of its own")
     if file.closed_form not in (None, "ur"):
         raise field_error("closed_form", describe(file.closed_form), "is ur, or no such key")
+    if file.shapes not in SHAPES:
+        raise field_error("shapes", describe(file.shapes), ALLOWED["shapes"])
+    for name, value in file.fixed.items():
+        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= 720:
+            raise field_error(f"fixed.{name}", describe(value), "is a number from -720 to 720 (degrees or m)")
+        if name in file.joints:
+            raise field_error(f"fixed.{name}", "a joint that joints lists too", "is each joint in one of the two")
     if file.drive not in DRIVES:
         raise field_error("drive", describe(file.drive), ALLOWED["drive"])
     for index, name in enumerate(file.joints):
@@ -90,7 +97,12 @@ def check_model_path(model: str, folder: Path) -> Path:
     """
     found = None if Path(model).is_absolute() or "\0" in model else inside(folder / model, folder)
     if found is None:
-        raise field_error("model", describe(model), "are paths of files in the robot file's folder or below")
+        where, target = "", folder / model
+        if "\0" not in model:
+            where = ", which lies elsewhere" if target.exists() else ", which isn't there"
+            where = f", a link to {target.resolve()}" if target.is_symlink() and target.exists() else where
+        allowed = "are paths of files in the robot file's folder or below (the robot file may stand in a folder above)"
+        raise field_error("model", f"{describe(model)}{where}", allowed)
     return found
 
 
@@ -103,7 +115,7 @@ def check_robot(file: RobotFile, robot: Robot) -> None:
     _check_size(robot)
     _check_limits(file, robot)
     if len(robot.capsule_radius) == 0:
-        allowed = "are shapes that collide in the model, or capsules in the robot file"
+        allowed = "are shapes that collide in the model, shapes: visual (those that are seen), or capsules of one's own"
         raise field_error("capsules", "none, and no moving link of the model has a shape that collides", allowed)
     widest = int(np.argmax(robot.capsule_radius))
     if not robot.capsule_radius[widest] <= _MOST_RADIUS_M:

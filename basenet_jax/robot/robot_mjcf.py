@@ -54,6 +54,8 @@ def write_mjcf(robot: Robot, stays: Iterable[tuple[int, Fit]] = ()) -> str:
             own = own or [(f"bone {number}", Fit(np.zeros(3), np.asarray(robot.joint_position[number]), _BONE_M))]
         for name, fit in own:
             _add_capsule(link, name, fit)
+        if not own:
+            SubElement(link, "inertial", pos="0 0 0", mass="0.1", diaginertia="1e-4 1e-4 1e-4")
         if number < robot.dof:
             link = _add_link(link, robot, number)
     SubElement(link, "site", {"name": TOOL_SITE} | _placed(robot.tool_rotation, robot.tool_position))

@@ -123,13 +123,14 @@ def test_packaged_robots_are_listed(capsys):
 
 def test_a_refused_file_ends_with_code_2(make, capsys):
     assert main(["check", str(make(joints=["elbow"]))]) == 2
-    assert "mine.yaml: joints: found ['elbow'], allowed is a list of 6 or 7 joint names" in capsys.readouterr().err
+    assert "mine.yaml: joints: found ['elbow'], allowed is a list of 6 to 8 joint names" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (["check", "ur6e"], "robot: found 'ur6e', allowed are panda_mobile"),
+        (["check", "ur5e_mobile", "--package", "arms"], "--package: found 'arms', allowed are NAME=DIR"),
         (["check", "ur5e_mobile", "--grasps", "0"], "--grasps: found 0, allowed are 1 to 10000"),
     ],
 )

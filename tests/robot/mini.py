@@ -68,5 +68,5 @@ def write(folder: Path, model: str | None = None, **fields) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     content = {name: value for name, value in {**ROBOT, **fields}.items() if value is not None}
     (folder / "mini.urdf").write_text(urdf() if model is None else model)
-    (folder / "robot.yaml").write_text(yaml.safe_dump(content))
+    (folder / "robot.yaml").write_text(yaml.safe_dump(content, sort_keys=False))
     return folder / "robot.yaml"

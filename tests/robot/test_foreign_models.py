@@ -97,7 +97,7 @@ def test_meshes_out_of_the_folder_are_not_read(tmp_path):
     folder.mkdir()
     for place in ("../box.stl", str(tmp_path / "box.stl"), "file://" + str(tmp_path / "box.stl")):
         text = urdf(MESH_OFF.replace("package://mine/meshes/box.stl", place))
-        with pytest.raises(RobotFileError, match="which is no file in the robot file's folder"):
+        with pytest.raises(RobotFileError, match=r"which (is no file in|leads out of) the robot file.s folder"):
             read_source(chain_file(folder, text))
 
 
@@ -112,7 +112,7 @@ def test_meshes_in_millimetres_are_noticed(tmp_path):
 def test_a_broken_mesh_is_refused(tmp_path):
     (tmp_path / "meshes").mkdir()
     (tmp_path / "meshes" / "box.stl").write_bytes(b"\xff" * 200)
-    with pytest.raises(RobotFileError, match="model: MuJoCo can't read it"):
+    with pytest.raises(RobotFileError, match=r"model: mesh: 'package://mine/meshes/box\.stl': found no mesh \("):
         read_source(chain_file(tmp_path, urdf(MESH_OFF)))
 
 

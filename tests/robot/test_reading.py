@@ -102,9 +102,9 @@ FIELDS = [
     (("name",), "ur5e_mobile", "name: found 'ur5e_mobile', a packaged robot's, allowed is a name of its own"),
     (("wheels",), 4, "wheels: found an unknown key, allowed are format, name, model"),
     (("model",), None, "model: found nothing, allowed is the path of an MJCF or URDF file"),
-    (("model",), "nowhere.xml", "model: found 'nowhere.xml', allowed are paths of files in the robot file's folder"),
-    (("model",), "../ur5e.xml", "model: found '../ur5e.xml', allowed are paths of files in the robot file's folder"),
-    (("model",), "/etc/passwd", "model: found '/etc/passwd', allowed are paths of files in the robot file's folder"),
+    (("model",), "nowhere.xml", "model: found 'nowhere.xml', which isn't there, allowed are paths of files in the"),
+    (("model",), "../ur5e.xml", "model: found '../ur5e.xml', which isn't there, allowed are paths of files in the"),
+    (("model",), "/etc/passwd", "model: found '/etc/passwd', which lies elsewhere, allowed are paths of files in "),
     (("frames", "tool"), "nothing", "frames.tool: found 'nothing', allowed are the model's sites and bodies: 'tool0',"),
     (("frames", "tool"), None, "frames.tool: found nothing, and no tool.frame, allowed is the name of a"),
     (("frames", "arm_base"), "link6", "joints[0]: found 'shoulder_pan', allowed are all joints from arm base to tool"),
@@ -112,8 +112,8 @@ FIELDS = [
     (("joints",), [*JOINTS[:5], "knee"], "joints[5]: found 'knee', allowed are all joints from arm base to tool, in o"),
     (("joints",), [*JOINTS[1:], JOINTS[0]], "joints[0]: found 'shoulder_lift', allowed are all joints from arm base"),
     (("joints",), [*JOINTS[:5], JOINTS[0]], "joints[5]: found 'shoulder_pan' twice, allowed is each joint once"),
-    (("joints",), JOINTS[:5], "joints: found a list of 5, allowed is a list of 6 or 7 joint names"),
-    (("joints",), "elbow", "joints: found 'elbow', allowed is a list of 6 or 7 joint names"),
+    (("joints",), JOINTS[:5], "joints: found a list of 5, allowed is a list of 6 to 8 joint names"),
+    (("joints",), "elbow", "joints: found 'elbow', allowed is a list of 6 to 8 joint names"),
     (("closed_form",), "panda", "closed_form: found 'panda', allowed is ur, or no such key"),
     (("drive",), "tracks", "drive: found 'tracks', allowed is differential or omnidirectional, or no such key"),
     (("joint_speed",), [1.0] * 7, "joint_speed: found 7 values, allowed is one for each of the 6 joints"),
@@ -122,7 +122,7 @@ FIELDS = [
     (("joint_speed", 1), NAN, "joint_speed[1]: found nan, allowed are finite numbers"),
     (("joint_acceleration", 5), -1.4, "joint_acceleration[5]: found -1.4, allowed is a number from 0.01 to 200"),
     (("home_degrees", 2), 190.0, "home_degrees[2]: found 190, allowed is -180 to 180 degrees, the joint's limits"),
-    (("stow_degrees",), "up", "stow_degrees: found 'up', allowed is a list of 6 or 7 numbers"),
+    (("stow_degrees",), "up", "stow_degrees: found 'up', allowed is a list of 6 to 8 numbers"),
     (("mount", "position", 2), 920.0, "mount.position[2]: found 920.0, allowed is a number from -3 to 3 (m)"),
     (("mount",), None, "mount: found nothing, allowed is a mapping of position and, if turned, rpy_degrees"),
     (("base", "footprint"), [800, 500], "base.footprint[0]: found 800, allowed is a number from 0.05 to 3 (m)"),
@@ -212,10 +212,10 @@ def test_a_link_out_of_the_folder_is_refused(files, tmp_path_factory):
     outside = tmp_path_factory.mktemp("outside") / "ur5e.xml"
     (path.parent / "ur5e.xml").rename(outside)
     os.symlink(outside, path.parent / "ur5e.xml")
-    refused((content, path), "model: found 'ur5e.xml', allowed are paths of files in the robot file's folder")
+    refused((content, path), f"model: found 'ur5e.xml', a link to {outside}, allowed are paths of files in the robot")
     os.remove(path.parent / "ur5e.xml")
     os.symlink("ur5e.xml", path.parent / "ur5e.xml")  # a link to itself
-    refused((content, path), "model: found 'ur5e.xml', allowed are paths of files in the robot file's folder")
+    refused((content, path), "model: found 'ur5e.xml', which isn't there, allowed are paths of files in the robot")
 
 
 def test_own_capsules_replace_the_models(files):
