@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from basenet_jax.api import ScenePlanner as ScenePlanner
+    from basenet_jax.api import drive_poses as drive_poses
     from basenet_jax.api import execute as execute
     from basenet_jax.api import export_plan as export_plan
     from basenet_jax.api import make_plan as make_plan
@@ -27,6 +28,10 @@ if TYPE_CHECKING:
     from basenet_jax.robot.kinematics import geometric_jacobian as geometric_jacobian
     from basenet_jax.robot.model import Robot as Robot
     from basenet_jax.robot.reading import load_robot as load_robot
+    from basenet_jax.task.drive_times import DriveTimes as DriveTimes
+    from basenet_jax.task.drive_times import load_drive_times as load_drive_times
+    from basenet_jax.task.drive_times import save_drive_times as save_drive_times
+    from basenet_jax.task.drive_times import tabulate_drives as tabulate_drives
     from basenet_jax.task.free_ik import collision_free_ik as collision_free_ik
     from basenet_jax.task.navigation import navigation_time as navigation_time
     from basenet_jax.task.picking import Reason as Reason
@@ -51,6 +56,7 @@ if TYPE_CHECKING:
 _MODULES = {
     "BasePoseEnv": "learning.base_pose_env",
     "Boxes": "world.boxes",
+    "DriveTimes": "task.drive_times",
     "Grasps": "world.grasps",
     "NamedScene": "world.scene",
     "Outcome": "task.plan",
@@ -67,10 +73,12 @@ _MODULES = {
     "WorldConfig": "config",
     "collision_free_ik": "task.free_ik",
     "draw_scene": "world.generate",
+    "drive_poses": "api",
     "execute": "api",
     "export_plan": "api",
     "forward_kinematics": "robot.kinematics",
     "geometric_jacobian": "robot.kinematics",
+    "load_drive_times": "task.drive_times",
     "load_plan": "task.plan_file",
     "load_plan_world": "task.plan_file",
     "load_robot": "robot.reading",
@@ -85,15 +93,18 @@ _MODULES = {
     "replan": "api",
     "sample_scene": "api",
     "sample_scenes": "batch",
+    "save_drive_times": "task.drive_times",
     "save_plan": "task.plan_file",
     "save_scene": "world.scene_file",
     "solve_ik": "robot.ik",
+    "tabulate_drives": "task.drive_times",
     "top_down": "world.grasps",
 }
 
 __all__ = [
     "BasePoseEnv",
     "Boxes",
+    "DriveTimes",
     "Grasps",
     "NamedScene",
     "Outcome",
@@ -110,10 +121,12 @@ __all__ = [
     "WorldConfig",
     "collision_free_ik",
     "draw_scene",
+    "drive_poses",
     "execute",
     "export_plan",
     "forward_kinematics",
     "geometric_jacobian",
+    "load_drive_times",
     "load_plan",
     "load_plan_world",
     "load_robot",
@@ -128,9 +141,11 @@ __all__ = [
     "replan",
     "sample_scene",
     "sample_scenes",
+    "save_drive_times",
     "save_plan",
     "save_scene",
     "solve_ik",
+    "tabulate_drives",
     "top_down",
 ]
 

@@ -16,15 +16,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jaxtyping import PRNGKeyArray
+from jaxtyping import Float, PRNGKeyArray
 
-from basenet_jax.config import GridConfig, WorldConfig
+from basenet_jax.config import AlignedConfig, GridConfig, WorldConfig
 from basenet_jax.planners import protocol, registry
+from basenet_jax.planners.aligned_stops import aligned_poses
 from basenet_jax.planners.protocol import Planner, PlannerSetup
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.reading import DEFAULT_ROBOT, load_robot, robot_digest, robot_stamp
 from basenet_jax.settings import Settings
 from basenet_jax.task import plan as judge
+from basenet_jax.task.drive_times import DriveFunction, DriveTimes, load_drive_times, tabulate_drives
+from basenet_jax.task.drives import GivenDrives
 from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.world.boxes import Room, fingerprint
 from basenet_jax.world.generate import draw_scene
@@ -36,6 +39,7 @@ if TYPE_CHECKING:
 
     from basenet_jax.exports import Export
 
+DriveTable = DriveTimes | str | os.PathLike[str]  # itself, or the path of its file
 RobotLike = Robot | str | os.PathLike[str]  # itself, a packaged one's name, or the path of a robot file
 
 _draw_scene = jax.jit(draw_scene, static_argnames=("slots", "config"))
@@ -108,6 +112,7 @@ def make_planner(
     room: Room | None = None,
     world: WorldConfig = WorldConfig(),
     grid: GridConfig = GridConfig(),
+    drive_times: DriveTable | None = None,
     **options: Any,
 ) -> ScenePlanner:
     """A planner by its name, for as many scenes as one likes; made once for the same arguments, and kept.
@@ -118,10 +123,13 @@ def make_planner(
         room: of the scenes; by default one with the world's table.
         world: of drives and picks.
         grid: of base poses that the classical planners choose from, and others fall back on.
+        drive_times: instead of the room's own drives; its poses are the stops, and where the robot may start. A file of
+            them, or `tabulate_drives` of a function.
         options: the planner's own, such as `samples=512` of basenet-sample; `planners.options` has them all.
 
     Raises:
-        ValueError: there is no such planner or robot, the planner has no such option, or its weights can't be used.
+        ValueError: there is no such planner or robot, the planner has no such option, its weights or the drive times
+            can't be used.
     """
     if options.get("weights") is not None:
         options["weights"] = Path(options["weights"])
@@ -131,7 +139,8 @@ def make_planner(
     version = weights.stat().st_mtime_ns if weights is not None and weights.exists() else None
     own_room: Room = Room.from_config(world.table) if room is None else jax.device_get(room)
     in_room = _IdentifiedRoom(fingerprint(own_room), own_room)
-    return _planner(name, _identified(robot), in_room, world, grid, own, version)
+    times = None if drive_times is None else _identified_times(_table(drive_times))
+    return _planner(name, _identified(robot), in_room, world, grid, times, own, version)
 
 
 def make_plan(
@@ -140,6 +149,7 @@ def make_plan(
     planner: str | ScenePlanner = "basenet",
     robot: RobotLike | None = None,
     world: WorldConfig | None = None,
+    drive_times: DriveTable | DriveFunction | None = None,
     key: Array | None = None,
     **options: Any,
 ) -> Plan:
@@ -150,6 +160,8 @@ def make_plan(
         planner: a name, as for `make_planner`, or what that made: then robot, world and options are its own.
         robot: as for `make_planner`; by default the scene's, or without one `ur5e_mobile`.
         world: of drives and picks; by default `WorldConfig()`.
+        drive_times: as for `make_planner`; or a function of poses [S, 3] and poses [T, 3], (x, y, heading) in W, that
+            returns seconds [S, T], infinite where there is no way. It is called once, with `drive_poses`.
         key: for planners that draw random numbers; by default `jax.random.key(0)`.
         options: the planner's own, as for `make_planner`, such as `budget_s=2.0` of refined.
 
@@ -157,7 +169,7 @@ def make_plan(
         ValueError: there is no such planner, it has no such option, its weights can't be used, or (`PlanningError`) it
             can't serve the scene.
     """
-    return planner_of(scene, planner, robot, world, options)(scene, key)
+    return planner_of(scene, planner, robot, world, drive_times, options)(scene, key)
 
 
 def replan(
@@ -168,6 +180,7 @@ def replan(
     planner: str | ScenePlanner = "basenet",
     robot: RobotLike | None = None,
     world: WorldConfig | None = None,
+    drive_times: DriveTable | DriveFunction | None = None,
     key: Array | None = None,
     **options: Any,
 ) -> Plan:
@@ -183,6 +196,7 @@ def replan(
         planner: as for `make_plan`.
         robot: likewise.
         world: likewise.
+        drive_times: likewise.
         key: likewise.
         options: likewise.
 
@@ -198,11 +212,39 @@ def replan(
         raise ValueError(f"robot_pose: found {np.asarray(robot_pose).tolist()}, needs x, y and heading, all finite")
     left = dataclasses.replace(arrays, mask=jnp.asarray(mask), robot_start=start)
     again = dataclasses.replace(scene, arrays=left) if isinstance(scene, NamedScene) else left
-    return make_plan(again, planner=planner, robot=robot, world=world, key=key, **options)
+    return make_plan(again, planner=planner, robot=robot, world=world, drive_times=drive_times, key=key, **options)
+
+
+def drive_poses(
+    scene: NamedScene | Scene,
+    *,
+    robot: RobotLike | None = None,
+    world: WorldConfig = WorldConfig(),
+    aligned: AlignedConfig = AlignedConfig(),
+) -> Float[np.ndarray, "1+K 3"]:
+    """The poses that drive times of one's own are wanted for: where the robot starts, and the stops to choose from.
+
+    Args:
+        scene: unbatched.
+        robot: as for `make_planner`; by default the scene's, or without one `ur5e_mobile`.
+        world: of picks: how near to things the base may stop.
+        aligned: of the stops, in line with the surfaces: how far from one to the next.
+
+    Returns:
+        (x, y, heading) in W, the start first.
+    """
+    arrays = jax.device_get(_arrays(scene))
+    stops = aligned_poses(_robot(robot, scene), arrays.room, aligned, world.pick)
+    return np.concatenate([np.asarray(arrays.robot_start)[None], stops])
 
 
 def execute(
-    scene: NamedScene | Scene, plan: Plan, *, robot: RobotLike | None = None, world: WorldConfig = WorldConfig()
+    scene: NamedScene | Scene,
+    plan: Plan,
+    *,
+    robot: RobotLike | None = None,
+    world: WorldConfig = WorldConfig(),
+    drive_times: DriveTable | DriveFunction | None = None,
 ) -> Outcome:
     """The judge's verdict on a plan, per step and in total, with the least singular value of each pick.
 
@@ -211,19 +253,29 @@ def execute(
         plan: of the same batch shape.
         robot: as for `make_planner`; by default the scene's, or without one `ur5e_mobile`.
         world: of drives and picks.
+        drive_times: as for `make_plan`, instead of the world's drives.
+
+    Raises:
+        ValueError: the drive times can't be used.
     """
     robot = _robot(robot, scene)
-    return judge.with_singular_values(robot, judge.judge(robot, _arrays(scene), plan, world))
+    given = None if drive_times is None else GivenDrives.of(_times_of(drive_times, _arrays(scene), plan))
+    return judge.with_singular_values(robot, judge.judge(robot, _arrays(scene), plan, world, given))
 
 
 def plot_plan(
-    scene: NamedScene | Scene, plan: Plan, *, robot: RobotLike | None = None, world: WorldConfig = WorldConfig()
+    scene: NamedScene | Scene,
+    plan: Plan,
+    *,
+    robot: RobotLike | None = None,
+    world: WorldConfig = WorldConfig(),
+    drive_times: DriveTable | DriveFunction | None = None,
 ) -> "Figure":
-    """Top view of one scene and its plan, as a Matplotlib figure; robot and world as for `execute`."""
+    """Top view of one scene and its plan, as a Matplotlib figure; robot, world and drive times as for `execute`."""
     from basenet_jax import plots  # Matplotlib takes half a second to import
 
-    outcome = execute(scene, plan, robot=robot, world=world)
-    return plots.plot_plan(_robot(robot, scene), _arrays(scene), plan, outcome)
+    outcome = execute(scene, plan, robot=robot, world=world, drive_times=drive_times)
+    return plots.plot_plan(_robot(robot, scene), _arrays(scene), plan, outcome, navigation=world.navigation)
 
 
 def export_plan(
@@ -236,6 +288,7 @@ def export_plan(
     formats: Sequence[str] = ("yaml", "csv", "bag"),
     robot: RobotLike | None = None,
     world: WorldConfig = WorldConfig(),
+    drive_times: DriveTable | DriveFunction | None = None,
 ) -> "Export":
     """Writes a plan for a robot: base goals and arm trajectories as messages of ROS 2, and the states over time.
 
@@ -251,6 +304,7 @@ def export_plan(
         formats: yaml for `plan.yaml`, csv for `execution.csv`, bag for a ROS 2 bag (which needs the extra `ros`).
         robot: as for `execute`.
         world: likewise.
+        drive_times: likewise; the drives that are written are the room's own, in these times.
 
     Raises:
         ValueError: (`exports.ExportError`) the folder isn't empty, a format is unknown or lacks its package, the pose
@@ -259,7 +313,8 @@ def export_plan(
     """
     from basenet_jax.exports import export  # most plans are not exported
 
-    outcome, where = execute(scene, plan, robot=robot, world=world), {"table_pose": table_pose, "map_frame": map_frame}
+    outcome = execute(scene, plan, robot=robot, world=world, drive_times=drive_times)
+    where = {"table_pose": table_pose, "map_frame": map_frame, "given_times": drive_times is not None}
     return export(_robot(robot, scene), scene, plan, outcome, directory, **where, formats=formats, world=world)
 
 
@@ -268,17 +323,38 @@ def planner_of(
     planner: str | ScenePlanner,
     robot: RobotLike | None,
     world: WorldConfig | None,
+    drive_times: DriveTable | DriveFunction | None,
     options: dict[str, Any],
+    starts: Float[np.ndarray, "B 3"] | None = None,
 ) -> ScenePlanner:
-    """A planner for a scene's table, and its robot unless there is another; see `make_plan`."""
+    """A planner for a scene's table, and its robot unless there is another; see `make_plan`.
+
+    Starts are those that drive times are tabulated for, by default the scene's.
+    """
     if isinstance(planner, ScenePlanner):
-        given = {"robot": robot, "world": world, **options}
+        given = {"robot": robot, "world": world, "drive_times": drive_times, **options}
         if found := [name for name, value in given.items() if value is not None]:
             raise ValueError(f"{found[0]}: found beside a planner that is made; give it to make_planner")
         return planner
     robot = _robot_name(scene) if robot is None else robot
-    room = jax.device_get(_arrays(scene).room)
-    return make_planner(planner, robot=robot, room=room, world=world or WorldConfig(), **options)
+    room, world = jax.device_get(_arrays(scene).room), world or WorldConfig()
+    if callable(drive_times):
+        poses = drive_poses(scene, robot=robot, world=world, aligned=options.get("aligned", AlignedConfig()))
+        drive_times = tabulate_drives(drive_times, poses if starts is None else np.concatenate([starts, poses[1:]]))
+    return make_planner(planner, robot=robot, room=room, world=world, drive_times=drive_times, **options)
+
+
+def _table(drive_times: DriveTable) -> DriveTimes:
+    return drive_times if isinstance(drive_times, DriveTimes) else load_drive_times(drive_times)
+
+
+def _times_of(drive_times: DriveTable | DriveFunction, scene: Scene, plan: Plan) -> DriveTimes:
+    """A table; of a function, with the poses of a plan, or of a batch of plans."""
+    if not callable(drive_times):
+        return _table(drive_times)
+    stops = np.asarray(plan.base_pose)[np.asarray(plan.served)]
+    starts = np.asarray(scene.robot_start).reshape(-1, 3)
+    return tabulate_drives(drive_times, np.unique(np.concatenate([starts, stops]), axis=0))
 
 
 @functools.lru_cache(maxsize=16)
@@ -288,11 +364,13 @@ def _planner(
     room: "_IdentifiedRoom",
     world: WorldConfig,
     grid: GridConfig,
+    drive_times: "_IdentifiedTimes | None",
     options: Settings | None,
     version: int | None,
 ) -> ScenePlanner:
     del version
-    setup = PlannerSetup(robot.on_device(), jax.device_put(room.room), world, grid)
+    times = None if drive_times is None else drive_times.times
+    setup = PlannerSetup(robot.on_device(), jax.device_put(room.room), world, grid, times)
     return ScenePlanner(name, setup, options, registry.make_planner(name, setup, options))
 
 
@@ -302,6 +380,18 @@ class _IdentifiedRoom:
 
     identity: Hashable
     room: Room = field(compare=False)
+
+
+@dataclass(frozen=True)
+class _IdentifiedTimes:
+    """Drive times that caches know again."""
+
+    identity: Hashable
+    times: DriveTimes = field(compare=False)
+
+
+def _identified_times(times: DriveTimes) -> _IdentifiedTimes:
+    return _IdentifiedTimes((times.poses.tobytes(), times.seconds.tobytes(), times.source), times)
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,9 @@ from jax import Array
 from jaxtyping import PRNGKeyArray
 
 from basenet_jax import api
-from basenet_jax.api import RobotLike, ScenePlanner
+from basenet_jax.api import DriveTable, RobotLike, ScenePlanner
 from basenet_jax.config import WorldConfig
+from basenet_jax.task.drive_times import DriveFunction
 from basenet_jax.task.plan import Plan
 from basenet_jax.world.boxes import Room
 from basenet_jax.world.generate import draw_scene
@@ -46,6 +47,7 @@ def plan_batch(
     planner: str | ScenePlanner = "basenet",
     robot: RobotLike | None = None,
     world: WorldConfig | None = None,
+    drive_times: DriveTable | DriveFunction | None = None,
     key: Array | None = None,
     **options: Any,
 ) -> Plan:
@@ -56,6 +58,7 @@ def plan_batch(
         planner: as for `make_plan`.
         robot: likewise; by default `ur5e_mobile`.
         world: as for `make_plan`.
+        drive_times: likewise, of the starts of all scenes.
         key: split into one for each scene; by default `jax.random.key(0)`.
         options: the planner's own, as for `make_planner`; of the learned ones `devices`, how many share the scenes, is
             by default all of this process.
@@ -74,7 +77,8 @@ def plan_batch(
     if not np.all(rooms == rooms[0]):
         raise ValueError("scenes: found several tables; plan the scenes of each table in a call of their own")
     first = jax.tree.map(lambda x: x[0], scenes)
-    return api.planner_of(first, planner, robot, world, options).plan_batch(scenes, key)
+    starts = np.asarray(scenes.robot_start)
+    return api.planner_of(first, planner, robot, world, drive_times, options, starts).plan_batch(scenes, key)
 
 
 @partial(jax.jit, static_argnames=("objects", "world"))

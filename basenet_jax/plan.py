@@ -42,6 +42,8 @@ class Arguments(PlannerArguments):
     config: Path | None = None
     """YAML or JSON file of settings, such as a training's config.json, whose world is used. Options come before it."""
     world: DrivesAndPicks = field(default_factory=DrivesAndPicks)
+    drive_times: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """File of drive times between stops, instead of the world's own drives (see the documentation of Nav2)."""
     picture: Path | None = None
     """Where to draw the plan: a name ending in .png, .pdf or .svg."""
     explain: bool = False
@@ -95,6 +97,7 @@ def _plan(options: Arguments, world: WorldConfig) -> int:
     from basenet_jax.exports import check_table_pose
     from basenet_jax.planners.protocol import PlanningError
     from basenet_jax.planners.timed import plan_timed
+    from basenet_jax.task.drive_times import load_drive_times
     from basenet_jax.world.scene_file import load_scene
 
     enable_cache()
@@ -106,7 +109,9 @@ def _plan(options: Arguments, world: WorldConfig) -> int:
             print(f"basenet_jax.plan: {options.scene} names the robot {scene.written_for}, not this", file=sys.stderr)
         if scene.furniture is not None and scene.furniture.clutter:
             print(f"basenet_jax.plan: {options.scene}: {_CLUTTER}", file=sys.stderr)
+        times = load_drive_times(options.drive_times) if options.drive_times else None
         made_for = {"robot": scene.robot, "room": scene.arrays.room, "world": world, "grid": options.grid}
+        made_for["drive_times"] = times
         made = make_planner(options.planner, **made_for, **options.given_options())
     except ValueError as error:
         return _fail(2, str(error))
@@ -127,7 +132,8 @@ def _report(options: Arguments, scene: "NamedScene", setup: "PlannerSetup", time
     from basenet_jax.commands.plan_report import failures, nearly_singular, print_explanation, print_plan
     from basenet_jax.planners.explanation import count_reasons
 
-    plan, outcome = jax.device_get((timed.plan, api.execute(scene, timed.plan, world=setup.world)))
+    judged = api.execute(scene, timed.plan, world=setup.world, drive_times=setup.drive_times)
+    plan, outcome = jax.device_get((timed.plan, judged))
     counts = count_reasons(setup, scene.arrays) if options.explain else None
     try:
         said = write_outputs(Wanted.by(options), setup, scene, timed, outcome)

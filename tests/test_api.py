@@ -54,6 +54,33 @@ def test_packaged_weights_plan_a_scene(scene, planned):
     assert 20 < float(outcome.execution) < 200
 
 
+def test_drive_times_are_tabulated_for_the_start_and_the_stops(scene, asked):
+    def seconds(start, goal):
+        return np.hypot(*np.moveaxis(goal[None, :, :2] - start[:, None, :2], -1, 0))
+
+    plan = bn.make_plan(scene, planner="dp", drive_times=seconds)
+    times = asked[-1][1].drive_times
+    np.testing.assert_allclose(times.poses, bn.drive_poses(scene))
+    np.testing.assert_allclose(times.poses[0], scene.arrays.robot_start)
+    np.testing.assert_allclose(times.seconds, seconds(times.poses, times.poses))
+    outcome = bn.execute(scene, plan, drive_times=seconds)
+    start, stop = np.asarray(scene.arrays.robot_start), np.asarray(plan.base_pose[0])
+    assert float(outcome.navigation) == pytest.approx(np.hypot(*(stop - start)[:2]), rel=1e-5)
+    again = bn.execute(scene, plan, drive_times=times)
+    assert int(again.grasped) == 0 or float(again.navigation) == pytest.approx(float(outcome.navigation), rel=1e-5)
+
+
+def test_drive_times_of_a_file(scene, asked, tmp_path):
+    table = bn.tabulate_drives(lambda start, goal: np.ones((len(start), len(goal))), bn.drive_poses(scene))
+    bn.save_drive_times(tmp_path / "drives.json", table)
+    bn.replan(scene, scene.arrays.robot_start, [], planner="dp", drive_times=tmp_path / "drives.json")
+    found = asked[-1][1].drive_times
+    assert found.source == "drives.json"
+    np.testing.assert_allclose(found.seconds, table.seconds)
+    with pytest.raises(ValueError, match="drive_times: found beside a planner that is made"):
+        bn.make_plan(scene, planner=bn.make_planner("dp", room=scene.arrays.room), drive_times=table)
+
+
 def test_the_verdict_is_the_judges(scene, planned, robot):
     expected = with_singular_values(robot, compiled.execute(robot, scene.arrays, planned))
     for given in (scene, scene.arrays):

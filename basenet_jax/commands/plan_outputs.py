@@ -93,14 +93,23 @@ def write_outputs(
     Raises:
         OutputError: something can't be made or written.
     """
-    picture = _draw(api.plot_plan(scene, timed.plan, world=setup.world), options.picture) if options.picture else b""
+    picture = _draw(_plot(setup, scene, timed), options.picture) if options.picture else b""
     video = _film(options, setup, scene, timed, outcome) if options.video else b""
     said: list[str] = []
     path = options.out
     try:
         if path:
-            times = {"planning_time_s": timed.planning_time_s, "compile_time_s": timed.compile_time_s}
-            save_plan(path, scene, timed.plan, outcome, planner=options.planner, world=setup.world, **times)
+            save_plan(
+                path,
+                scene,
+                timed.plan,
+                outcome,
+                planner=options.planner,
+                planning_time_s=timed.planning_time_s,
+                compile_time_s=timed.compile_time_s,
+                world=setup.world,
+                drive_times=setup.drive_times.source if setup.drive_times else None,
+            )
         for path, content in ((options.picture, picture), (options.video, video)):
             if path:
                 write_atomically(path, content)
@@ -110,6 +119,10 @@ def write_outputs(
     except OSError as error:
         raise OutputError(f"{path}: can't be written: {error.strerror}") from error
     return said
+
+
+def _plot(setup: "PlannerSetup", scene: "NamedScene", timed: "TimedPlan") -> "Figure":
+    return api.plot_plan(scene, timed.plan, world=setup.world, drive_times=setup.drive_times)
 
 
 def _draw(figure: "Figure", path: Path) -> bytes:
@@ -125,9 +138,11 @@ def _film(options: Wanted, setup: "PlannerSetup", scene: "NamedScene", timed: "T
     suffix = options.video.suffix.lower()
     # A GIF of 960 x 640 pixels and 30 frames a second would take tens of MB.
     size = {"width": 480, "height": 320, "frames_per_s": 10.0} if suffix == ".gif" else {}
-    video = render_video(
-        setup.robot, scene.arrays, timed.plan, outcome, speed=options.video_speed, config=setup.world, **size
-    )
+    how = {"speed": options.video_speed, "config": setup.world, "given_times": setup.drive_times is not None}
+    try:
+        video = render_video(setup.robot, scene.arrays, timed.plan, outcome, **how, **size)
+    except ValueError as error:
+        raise OutputError(f"--video: {error}") from error
     reporter = make_reporter()
 
     def frames() -> Iterator[np.ndarray]:
@@ -163,6 +178,7 @@ def _export(
         map_frame=options.map_frame,
         formats=options.export_format,
         world=setup.world,
+        drive_times=setup.drive_times,
     )
     if done.left_out:
         names = ", ".join(f"{name} ({reason})" for name, reason in done.left_out.items())

@@ -30,9 +30,9 @@ def read_yaml(path: str | os.PathLike[str]) -> Any:
     return _plain(parse_yaml(_read_text(Path(path), MAX_YAML_BYTES)), "", 0)
 
 
-def read_json(path: str | os.PathLike[str]) -> Any:
-    """The content of a JSON file of up to 1 MiB; else like `read_yaml`."""
-    text = _read_text(Path(path), MAX_JSON_BYTES)
+def read_json(path: str | os.PathLike[str], limit: int = MAX_JSON_BYTES) -> Any:
+    """The content of a JSON file of up to so many bytes (1 MiB); else like `read_yaml`."""
+    text = _read_text(Path(path), limit)
     try:
         return _plain(json.loads(text, object_pairs_hook=Pairs, parse_int=read_integer), "", 0)
     except json.JSONDecodeError as error:

@@ -96,6 +96,7 @@ def export(
     formats: Sequence[str] = tuple(FORMATS),
     config: ExportConfig = ExportConfig(),
     world: WorldConfig = WorldConfig(),
+    given_times: bool = False,
 ) -> Export:
     """Writes the feasible steps of a plan into a new or empty folder, in all formats or, if anything fails, in none.
 
@@ -110,9 +111,11 @@ def export(
         formats: yaml, csv, bag.
         config: of sampling.
         world: of drives and the pick cycle.
+        given_times: see `make_schedule`.
 
     Raises:
-        ExportError: see `check_export` and `check_table_pose`; or no step is feasible.
+        ExportError: see `check_export` and `check_table_pose`; or no step is feasible, or no drive of the robot's own
+            leads where the given times say that one does.
         OSError: something can't be written.
     """
     check_export("directory", directory, formats)
@@ -123,9 +126,13 @@ def export(
     }
     if len(left_out) == int(np.sum(outcome.is_step)):
         raise ExportError("plan: found no step that can be executed, so there is nothing to export")
-    schedule = make_schedule(
-        robot, scene, plan, outcome, table_pose=table_pose, map_frame=map_frame, config=config, world=world
-    )
+    where = {"table_pose": table_pose, "map_frame": map_frame}
+    try:
+        schedule = make_schedule(
+            robot, scene, plan, outcome, **where, config=config, world=world, given_times=given_times
+        )
+    except ValueError as error:
+        raise ExportError(f"drives: {error}") from None
     write_folder_atomically(directory, lambda folder: _fill(folder, schedule, formats, config))
     files = [Path(directory) / FORMATS[each] for each in dict.fromkeys(formats)]
     return Export(files, schedule.duration_s, left_out)

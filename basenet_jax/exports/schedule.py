@@ -97,6 +97,7 @@ def make_schedule(
     map_frame: str = "map",
     config: ExportConfig = ExportConfig(),
     world: WorldConfig = WorldConfig(),
+    given_times: bool = False,
 ) -> Schedule:
     """The commands of a plan. Steps that are not feasible are left out, their drives too.
 
@@ -109,10 +110,15 @@ def make_schedule(
         map_frame: the map's name.
         config: of sampling.
         world: of drives and the pick cycle.
+        given_times: whether the outcome's drive times are somebody else's, see `plan_motion`.
+
+    Raises:
+        ValueError: a drive that is timed so is none that the robot's own rules allow.
     """
     plan, outcome = jax.device_get((plan, outcome))
     outcome = dataclasses.replace(outcome, is_step=outcome.is_step & outcome.feasible)
-    motion = plan_motion(robot, scene.arrays, plan, outcome, world, smoothing_s=config.smoothing_s)
+    how = {"smoothing_s": config.smoothing_s, "given_times": given_times}
+    motion = plan_motion(robot, scene.arrays, plan, outcome, world, **how)
     objects = tuple(scene.names[slot] if slot >= 0 else "" for slot in plan.object_index.tolist())
     return Schedule(
         robot=robot.name,

@@ -20,7 +20,6 @@ from jaxtyping import Bool, Float, Int
 from basenet_jax.compilation import Stored
 from basenet_jax.config import PickConfig, WorldConfig
 from basenet_jax.devices import Devices, use_devices
-from basenet_jax.planners.aligned_stops import aligned_poses
 from basenet_jax.planners.candidates import Candidates, check_candidates, estimate_times, join, only_reachable
 from basenet_jax.planners.optimistic import TOLERANCE_S, settle, stop_scenes
 from basenet_jax.planners.options import SampleOptions, StopsOptions
@@ -74,8 +73,7 @@ class BaSeNet:
         self._made_for = _MadeFor(setup.robot, setup.room, params)
         samples = options.samples if isinstance(options, SampleOptions) else 0
         self._program = _Program(policy or StopPolicy(), samples, setup.world)
-        stops = jax.device_put(aligned_poses(setup.robot, setup.room, options.aligned, setup.world.pick))
-        self._prepared = self._prepare(stops)
+        self._prepared = self._prepare(jax.device_put(setup.stops(options.aligned)))
 
     @property
     def stops(self) -> Float[Array, "K 3"]:

@@ -30,6 +30,8 @@ class BaSeNetPaper:
             setup.world,
             use_devices(options.devices or jax.local_device_count()),
         )
+        if setup.drive_times is not None:
+            raise PlanningError("drive_times: basenet-paper parks wherever its policy says; use basenet or refined")
         if setup.docked is not None:
             raise PlanningError("room: found several boxes, basenet-paper plans for one table; use basenet or refined")
         self._weights = load_policies(options.weights, setup.robot.name)

@@ -5,10 +5,13 @@ from collections.abc import Callable, Sequence
 import jax
 import numpy as np
 from jax import Array
+from jaxtyping import Float
 
 from basenet_jax.documents.fields import DocumentError
-from basenet_jax.planners.protocol import BatchPlanner, Planner, PlannerSetup, PreparedPlanner
+from basenet_jax.planners.protocol import BatchPlanner, Planner, PlannerSetup, PlanningError, PreparedPlanner
 from basenet_jax.robot.rest import check_body, check_tables
+from basenet_jax.task.drive_times import DriveTimes
+from basenet_jax.task.drives import SAME_POSE_IN_TABLE
 from basenet_jax.task.plan import Plan
 from basenet_jax.world.boxes import Room, surface_top
 from basenet_jax.world.scene import Scene
@@ -17,13 +20,13 @@ _ROUNDING = 1e-6  # m
 
 
 def hold_to(setup: PlannerSetup, planner: Planner) -> Planner:
-    """The planner, but that it refuses scenes in another room than it was made for.
+    """The planner, but that it refuses scenes in another room than it was made for, or a start without drive times.
 
     Args:
         setup: that it was made for.
         planner: whose `plan_batch` and preparations it keeps.
     """
-    return (_TogetherInItsRoom if isinstance(planner, BatchPlanner) else _InItsRoom)(planner, setup.room)
+    return (_TogetherInItsRoom if isinstance(planner, BatchPlanner) else _InItsRoom)(planner, setup)
 
 
 def check_rest(setup: PlannerSetup) -> None:
@@ -42,23 +45,35 @@ def check_rest(setup: PlannerSetup) -> None:
 class _InItsRoom:
     """A planner of scenes in one room."""
 
-    def __init__(self, planner: Planner, room: Room):
-        self._planner, self._room = planner, jax.tree.map(np.asarray, jax.device_get(room))
+    def __init__(self, planner: Planner, setup: PlannerSetup):
+        self._planner, self._room = planner, jax.tree.map(np.asarray, jax.device_get(setup.room))
+        self._drive_times = setup.drive_times
 
     def __call__(self, scene: Scene, key: Array) -> Plan:
         """See `Planner`."""
-        self._check(scene.room)
+        self._check(scene)
         return self._planner(scene, key)
 
     def preparations(self, scene: Scene) -> Sequence[Callable[[], object]]:
         """See `PreparedPlanner`; none where the planner has none."""
         return self._planner.preparations(scene) if isinstance(self._planner, PreparedPlanner) else ()
 
-    def _check(self, room: Room) -> None:
-        found = jax.tree.map(np.asarray, jax.device_get(room))
+    def _check(self, scene: Scene) -> None:
+        found = jax.tree.map(np.asarray, jax.device_get(scene.room))
         pairs = zip(jax.tree.leaves(self._room), jax.tree.leaves(found), strict=True)
         if not all(_same(own, whole) for own, whole in pairs):
             raise ValueError(f"room: found {_describe(found)}, allowed is the planner's, {_describe(self._room)}")
+        if self._drive_times is not None:
+            _check_starts(np.asarray(scene.robot_start).reshape(-1, 3), self._drive_times)
+
+
+def _check_starts(starts: Float[np.ndarray, "B 3"], times: DriveTimes) -> None:
+    apart = starts[:, None] - times.poses
+    apart[..., 2] = np.abs((apart[..., 2] + np.pi) % (2 * np.pi) - np.pi)
+    known = np.any(np.all(np.abs(apart) <= SAME_POSE_IN_TABLE, axis=-1), axis=1)
+    if not np.all(known):
+        found = [float(f"{x:.4g}") for x in starts[int(np.argmin(known))]]
+        raise PlanningError(f"robot.start: found {found}, allowed are the poses of {times.source}, or add it to them")
 
 
 def _same(own: np.ndarray, whole: np.ndarray) -> bool:
@@ -81,6 +96,6 @@ class _TogetherInItsRoom(_InItsRoom):
 
     def plan_batch(self, scenes: Scene, key: Array) -> Plan:
         """See `BatchPlanner`."""
-        self._check(scenes.room)
+        self._check(scenes)
         assert isinstance(self._planner, BatchPlanner)
         return self._planner.plan_batch(scenes, key)

@@ -12,15 +12,17 @@ import numpy as np
 from jax import Array
 from jaxtyping import Bool, Float, Int
 
-from basenet_jax.config import GridConfig, WorldConfig
+from basenet_jax.config import AlignedConfig, GridConfig, WorldConfig
 from basenet_jax.devices import Devices
 from basenet_jax.planners.aligned_stops import aligned_poses
 from basenet_jax.planners.candidates import grid_poses
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.reading import load_robot
-from basenet_jax.task.drives import DockedDrives, Drives, make_drives
+from basenet_jax.task.drive_times import DriveTimes
+from basenet_jax.task.drives import Drives, GivenDrives, PointDrives, make_drives
 from basenet_jax.task.plan import Plan
 from basenet_jax.world.boxes import Room
+from basenet_jax.world.clearance import compiled_base_collides
 from basenet_jax.world.scene import Scene
 
 Tree = TypeVar("Tree")
@@ -126,6 +128,7 @@ class PlannerSetup:
     room: Room = field(default_factory=Room.from_config)
     world: WorldConfig = field(default_factory=WorldConfig)
     grid: GridConfig = field(default_factory=GridConfig)
+    drive_times: DriveTimes | None = None  # instead of the room's own drives, whose poses are then the stops
 
     @cached_property
     def grid_poses(self) -> Float[np.ndarray, "K 3"]:
@@ -135,12 +138,14 @@ class PlannerSetup:
     @cached_property
     def drives(self) -> Drives:
         """How the base gets about in the room."""
+        if self.drive_times is not None:
+            return jax.device_put(GivenDrives.of(self.drive_times))
         return make_drives(self.robot, self.room, self.world.navigation)
 
     @property
     def docked(self) -> Drives | None:
         """The drives where the judge must be given them: those of a point are each scene's own."""
-        return self.drives if isinstance(self.drives, DockedDrives) else None
+        return None if isinstance(self.drives, PointDrives) else self.drives
 
     @cached_property
     def candidate_poses(self) -> tuple[Float[np.ndarray, "K 3"], ...]:
@@ -148,9 +153,23 @@ class PlannerSetup:
 
         In the paper's world the grid; in rooms the stops in line with the surfaces, then the grid round these.
         """
-        if self.docked is None:
-            return (self.grid_poses,)
-        return aligned_poses(self.robot, self.room, pick=self.world.pick), self.grid_poses
+        return (self.grid_poses,) if self.docked is None else (self.stops(), self.grid_poses)
+
+    def stops(self, aligned: AlignedConfig = AlignedConfig()) -> Float[np.ndarray, "K 3"]:
+        """Stops in line with the surfaces, or those that there are drive times for, (x, y, heading) in W.
+
+        Raises:
+            PlanningError: the base can't stand at any of the poses that there are drive times for.
+        """
+        pick = self.world.pick
+        if self.drive_times is None:
+            return aligned_poses(self.robot, self.room, aligned, pick)
+        poses = self.drive_times.poses.astype(np.float32)
+        collides = compiled_base_collides(self.robot, poses, self.room, pick.base_clearance_m, pick.touching_m)
+        if np.all(collides):
+            found = f"{self.drive_times.source}: poses: found {len(poses)} at which the base is too near to something"
+            raise PlanningError(f"{found}, allowed are some more than {pick.base_clearance_m:g} m clear")
+        return poses[~np.asarray(collides)]
 
     def with_room(self, room: Room) -> "PlannerSetup":
         """The same for another room."""

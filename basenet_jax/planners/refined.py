@@ -15,7 +15,6 @@ from jaxtyping import Float
 
 from basenet_jax.compilation import Stored
 from basenet_jax.config import RefinementConfig, WorldConfig
-from basenet_jax.planners.aligned_stops import aligned_poses
 from basenet_jax.planners.candidates import PAIRS_AT_ONCE as GRID_PAIRS_AT_ONCE
 from basenet_jax.planners.candidates import Candidates, check_candidates, join, only_reachable
 from basenet_jax.planners.options import RefinedOptions
@@ -46,7 +45,7 @@ class Refined:
         self._setup, self._budget_s, self._refinement = setup, options.budget_s, options.refinement
         self._sizes = Sizes(EXACT_OBJECTS)
         self._compiled: set[tuple[int, int]] = set()  # slots and served objects that a budget was spent on before
-        self._aligned = jax.device_put(aligned_poses(setup.robot, setup.room, options.aligned, setup.world.pick))
+        self._aligned = jax.device_put(setup.stops(options.aligned))
 
     def __call__(self, scene: Scene, key: Array) -> Plan:
         """See `Planner`."""

@@ -11,9 +11,10 @@ from matplotlib.patches import Circle, Patch, Polygon
 from matplotlib.path import Path
 from numpy.typing import ArrayLike
 
+from basenet_jax.config import NavigationConfig
 from basenet_jax.plots.arm_reach import arm_reach
 from basenet_jax.robot.model import Robot
-from basenet_jax.task.drives import make_drives
+from basenet_jax.task.drives import OwnDrives, make_drives
 from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.world.boxes import Room
 from basenet_jax.world.scene import OBJECT_CLASSES, Scene
@@ -30,7 +31,16 @@ _KEEP_OUT: dict[str, Any] = {"fc": "#F6E3DE", "ec": "#D08A78", "lw": 0.6, "hatch
 _HALO = (patheffects.withStroke(linewidth=2.5, foreground="white"),)  # keeps numbers readable on lines
 
 
-def draw_plan(axes: Axes, robot: Robot, scene: Scene, plan: Plan, outcome: Outcome, size: float = 9.0) -> None:
+def draw_plan(
+    axes: Axes,
+    robot: Robot,
+    scene: Scene,
+    plan: Plan,
+    outcome: Outcome,
+    size: float = 9.0,
+    *,
+    navigation: NavigationConfig = NavigationConfig(),
+) -> None:
     """Draws one plan from above, in metres in W.
 
     Args:
@@ -44,7 +54,7 @@ def draw_plan(axes: Axes, robot: Robot, scene: Scene, plan: Plan, outcome: Outco
     draw_room(axes, scene.room)
     _draw_reach(axes, robot, scene, plan, outcome)
     _draw_objects(axes, scene, plan, outcome, size)
-    _draw_stops(axes, robot, scene, plan, outcome, size)
+    _draw_stops(axes, robot, scene, plan, outcome, size, navigation)
     axes.set_aspect("equal")
     axes.autoscale_view()
     axes.grid(color="#DDDDDD", linewidth=0.5, zorder=0)
@@ -147,16 +157,17 @@ def _draw_objects(axes: Axes, scene: Scene, plan: Plan, outcome: Outcome, size: 
             label.set(fontsize=size - 1, weight="bold", color=FAILED if failed else "black", path_effects=_HALO)
 
 
-def _draw_stops(axes: Axes, robot: Robot, scene: Scene, plan: Plan, outcome: Outcome, size: float) -> None:
+def _draw_stops(
+    axes: Axes, robot: Robot, scene: Scene, plan: Plan, outcome: Outcome, size: float, navigation: NavigationConfig
+) -> None:
     """The start, every different base pose with the steps made there, the driven path, and the picks."""
     _draw_base(axes, robot, scene.robot_start, hollow=True)
     _write(axes, scene.robot_start, "start", size)
-    before, drives = scene.robot_start, make_drives(robot, scene.room)
+    before, drives = scene.robot_start, make_drives(robot, scene.room, navigation)
     for step in np.flatnonzero(outcome.is_step & plan.served):
         pose = plan.base_pose[step]
         if float(outcome.navigation_time[step]) > 0:
-            legs = drives.manoeuvre(robot, before, pose).legs
-            path = np.array([before[:2], *(leg.after[:2] for leg in legs)])
+            path = _path(robot, drives, np.asarray(before), np.asarray(pose))
             axes.plot(path[:, 0], path[:, 1], color=PATH, lw=1.4, ls=(0, (5, 2)), zorder=2)
             before = pose
         grasp, mount = scene.first_grasp[plan.object_index[step]], _mount(robot, pose)
@@ -166,6 +177,15 @@ def _draw_stops(axes: Axes, robot: Robot, scene: Scene, plan: Plan, outcome: Out
     for (pose, numbers), place in zip(stops.items(), _apart([pose[:2] for pose in stops]), strict=True):
         _draw_base(axes, robot, np.array(pose))
         _write(axes, place, short_list(numbers), size)
+
+
+def _path(robot: Robot, drives: OwnDrives, start: np.ndarray, goal: np.ndarray) -> np.ndarray:
+    """Points (m) of a drive; its ends where only somebody else's drive times say that there is one."""
+    try:
+        legs = drives.manoeuvre(robot, start, goal).legs
+    except ValueError:
+        return np.array([start, goal])[:, :2]
+    return np.array([start, *(leg.after for leg in legs)])[:, :2]
 
 
 def short_list(numbers: Sequence[int]) -> str:

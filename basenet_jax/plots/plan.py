@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from basenet_jax.config import NavigationConfig
 from basenet_jax.plots.drawing import CLASS_NAMES, draw_plan, legend_handles
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.picking import Reason
@@ -26,6 +27,7 @@ def plot_plan(
     title: str | None = None,
     *,
     names: Sequence[str] | None = None,
+    navigation: NavigationConfig = NavigationConfig(),
 ) -> Figure:
     """Top view of one plan: the table, the objects and their grasps, where the base parks, what it drives.
 
@@ -39,11 +41,12 @@ def plot_plan(
         outcome: of executing it.
         title: above the figure; by default the plan's totals.
         names: of the objects by slot, for the list of steps; by default their classes.
+        navigation: of the drives that are drawn.
     """
     scene, plan, outcome = jax.device_get((scene, plan, outcome))
     figure = Figure(figsize=(_WIDTH, _WIDTH / 2))
     axes = figure.add_subplot()
-    draw_plan(axes, robot, scene, plan, outcome)
+    draw_plan(axes, robot, scene, plan, outcome, navigation=navigation)
     axes.set_title(title or totals(outcome), fontsize=11)
     axes.set_xlabel("x (m)")
     axes.set_ylabel("y (m)")

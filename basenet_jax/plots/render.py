@@ -88,12 +88,14 @@ def render_video(
     width: int = 960,
     height: int = 640,
     config: WorldConfig = WorldConfig(),
+    given_times: bool = False,
 ) -> Video:
     """The plan's whole execution, faster than life by `speed`; objects vanish when they are put down.
 
-    Args and errors as for `render_plan`, the latter when the first frame is asked for; `frames_per_s` are the video's.
+    Args and errors as for `render_plan`, the latter when the first frame is asked for; `frames_per_s` are the video's,
+    `given_times` as for `plan_motion`.
     """
-    motion = plan_motion(robot, scene, plan, outcome, config)
+    motion = plan_motion(robot, scene, plan, outcome, config, given_times=given_times)
     times = np.arange(0.0, float(motion.time[-1]) + 1e-9, speed / frames_per_s)
 
     def frames() -> Iterator[np.ndarray]:

@@ -42,6 +42,10 @@ class TimeLaw:
         """Of the whole move."""
         return self.ramp_s + self.cruise_s + self.ramp_s + self.smoothing_s
 
+    def times(self, factor: float) -> "TimeLaw":
+        """The same move, taking so many times as long."""
+        return TimeLaw(self.ramp_s * factor, self.cruise_s * factor, self.smoothing_s * factor)
+
     @property
     def switches(self) -> Float[np.ndarray, " n"]:
         """Times (s) in order between which the position is one polynomial, of degree 2 (3 where smoothed)."""

@@ -1,4 +1,4 @@
-"""How the base gets about in a room: the two kinds of drives, each with what it needs prepared, behind one face.
+"""How the base gets about in a room: the kinds of drives, each with what it needs prepared, behind one face.
 
 Planners ask for the `ends` of many poses once and for `times` between them as often as they like; the judge asks for
 `each` drive of a plan. A new kind of drive is one more class here.
@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from basenet_jax import struct
 from basenet_jax.compilation import Stored
@@ -23,13 +23,19 @@ from basenet_jax.config import DockedConfig, NavigationConfig
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.docked_drives import drive_matrix, drive_times
 from basenet_jax.task.docked_manoeuvre import find_manoeuvre
+from basenet_jax.task.drive_times import DriveTimes
 from basenet_jax.task.gates import gates
 from basenet_jax.task.manoeuvre import Manoeuvre, along_path
 from basenet_jax.task.navigation import navigation_path, navigation_time
 from basenet_jax.task.roadmap import Roadmap, make_roadmap
+from basenet_jax.trigonometry import wrap_angle
 from basenet_jax.world.boxes import Room, fingerprint
 
 Ends: TypeAlias = Any  # of S poses: a pytree of arrays whose first axis is S
+
+SAME_POSE_IN_TABLE = 1e-4  # m or rad: a table's decimals and float32 make no difference
+_POSES = 64  # tables are padded to a multiple
+_FAR = 1e6
 
 
 @struct.dataclass
@@ -109,7 +115,51 @@ class DockedDrives:
         return find_manoeuvre(robot, self.roadmap, start, goal)
 
 
-Drives: TypeAlias = PointDrives | DockedDrives
+@struct.dataclass
+class GivenDrives:
+    """Drives that take what a table says, between its P poses; from or to any other pose there is none.
+
+    What the base does on its way isn't known, so these have no `manoeuvre`.
+    """
+
+    poses: Float[Array, "P 3"]  # (x, y, heading) in W; those that pad are far away
+    seconds: Float[Array, "P+1 P+1"]  # infinite where there is no way; last come the poses that aren't in the table
+
+    @classmethod
+    def of(cls, table: DriveTimes) -> "GivenDrives":
+        """A table's, padded so that tables share programs; on the host."""
+        count = len(table.poses)
+        padding = -count % _POSES
+        poses: Any = np.pad(table.poses, [(0, padding), (0, 0)], constant_values=_FAR).astype(np.float32)
+        seconds: Any = np.pad(table.seconds, (0, padding + 1), constant_values=np.inf).astype(np.float32)
+        return cls(poses, seconds)
+
+    def ends(self, robot: Robot, poses: Float[Array, "*batch 3"]) -> Int[Array, "*batch"]:
+        """Which of the table's poses each is; P: none."""
+        del robot
+        apart = jnp.asarray(poses)[..., None, :] - self.poses
+        apart = jnp.concatenate([apart[..., :2], wrap_angle(apart[..., 2:])], axis=-1)
+        same = jnp.all(jnp.abs(apart) <= SAME_POSE_IN_TABLE, axis=-1)
+        return jnp.where(jnp.any(same, axis=-1), jnp.argmax(same, axis=-1), len(self.poses))
+
+    def times(self, robot: Robot, start: Ends, goal: Ends) -> Float[Array, "S T"]:
+        """The times (s) from all starts to all goals."""
+        del robot
+        return self.seconds[start[:, None], goal]
+
+    def matrix(self, robot: Robot, start: Float[ArrayLike, "S 3"], goal: Float[ArrayLike, "T 3"]) -> ArrayLike:
+        """The same between many poses, on the host."""
+        return _given_matrix(self, robot, start, goal)
+
+    def each(
+        self, robot: Robot, start: Float[Array, "*batch 3"], goal: Float[Array, "*batch 3"]
+    ) -> Float[Array, "*batch"]:
+        """The times (s) of single drives."""
+        return self.seconds[self.ends(robot, start), self.ends(robot, goal)]
+
+
+OwnDrives: TypeAlias = PointDrives | DockedDrives
+Drives: TypeAlias = OwnDrives | GivenDrives
 
 
 def are_docked(room: Room, config: NavigationConfig) -> bool:
@@ -117,7 +167,7 @@ def are_docked(room: Room, config: NavigationConfig) -> bool:
     return config.drives == "docked" or (config.drives == "by-room" and room.boxes.low.shape[-1] != 1)
 
 
-def make_drives(robot: Robot, room: Room, config: NavigationConfig = NavigationConfig()) -> Drives:
+def make_drives(robot: Robot, room: Room, config: NavigationConfig = NavigationConfig()) -> OwnDrives:
     """The drives of a room, on the host: of a point where it has one table (the paper's world), else docked.
 
     Args:
@@ -155,6 +205,11 @@ def _base(robot: Robot) -> Hashable:
     sizes = (robot.footprint_half_size, robot.body_center, robot.body_half_size)
     arrays = (np.asarray(x) for x in (*sizes, robot.base_speed, robot.base_acceleration))
     return robot.omnidirectional, *(x.tobytes() for x in arrays)
+
+
+@jax.jit
+def _given_matrix(drives: GivenDrives, robot: Robot, start: Array, goal: Array) -> Array:
+    return drives.times(robot, drives.ends(robot, start), drives.ends(robot, goal))
 
 
 @Stored

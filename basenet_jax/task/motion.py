@@ -1,5 +1,6 @@
 """A plan as motion: where base, arm and objects are at any time of its execution."""
 
+import dataclasses
 import enum
 from typing import NamedTuple
 
@@ -10,10 +11,12 @@ from jaxtyping import Float, Int
 from basenet_jax.config import WorldConfig
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.time_law import TimeLaw, joint_move_law
-from basenet_jax.task.drives import Drives, make_drives
-from basenet_jax.task.manoeuvre import Leg
+from basenet_jax.task.drives import OwnDrives, make_drives
+from basenet_jax.task.manoeuvre import Leg, Manoeuvre
 from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.world.scene import Scene
+
+_LEAST_DRIVE_S = 1e-3  # where a table says 0
 
 
 class Doing(enum.StrEnum):
@@ -68,6 +71,7 @@ def plan_motion(
     config: WorldConfig = WorldConfig(),
     *,
     smoothing_s: float = 0.0,
+    given_times: bool = False,
 ) -> Motion:
     """The motion of executing a plan, every part as fast as the robot's limits allow; it ends where execution does.
 
@@ -81,6 +85,11 @@ def plan_motion(
         outcome: of executing it; only steps with `is_step` are gone through.
         config: of drives and the pick cycle.
         smoothing_s: of arm moves, see `TimeLaw`.
+        given_times: the judge's drive times are somebody else's (`DriveTimes`), and the robot's own drives are slowed
+            down or sped up to them.
+
+    Raises:
+        ValueError: a drive that the judge was given is none that the robot's own rules allow.
     """
     scene, plan, outcome = jax.device_get((scene, plan, outcome))
     drives = make_drives(robot, scene.room, config.navigation)
@@ -88,7 +97,8 @@ def plan_motion(
     executed = outcome.is_step & plan.served & (outcome.feasible | (outcome.navigation_time > 0))
     for step in np.flatnonzero(executed).tolist():
         keys.step = step
-        keys.drive(drives, np.asarray(plan.base_pose[step], float), config.navigation.same_pose)
+        lasts_s = float(outcome.navigation_time[step]) if given_times else None
+        keys.drive(drives, np.asarray(plan.base_pose[step], float), config.navigation.same_pose, lasts_s)
         if outcome.feasible[step]:
             waypoints = np.asarray(outcome.joints[step], float)
             keys.pick(waypoints[0], waypoints[-1], int(plan.object_index[step]), config)
@@ -106,13 +116,14 @@ class _Keys:
         self.held, self.done = [-1], [0]
         self.parts: list[Part] = []
 
-    def drive(self, drives: Drives, goal: np.ndarray, same_pose: float) -> None:
-        """The legs of the drive to a base pose, unless the robot is there."""
+    def drive(self, drives: OwnDrives, goal: np.ndarray, same_pose: float, lasts_s: float | None) -> None:
+        """The legs of the drive to a base pose, unless the robot is there; in so many seconds, if these are given."""
         start = self.base_pose[-1]
         turn = (goal[2] - start[2] + np.pi) % (2.0 * np.pi) - np.pi
         if np.hypot(*(goal - start)[:2]) <= same_pose and abs(turn) <= same_pose:
             return
-        for leg in drives.manoeuvre(self._robot, start, goal).legs:
+        manoeuvre = drives.manoeuvre(self._robot, start, goal)
+        for leg in (manoeuvre if lasts_s is None else _lasting(manoeuvre, lasts_s)).legs:
             self._add(Doing.TURN if leg.turn else Doing.DRIVE, leg.law, leg=leg)
 
     def pick(self, above: np.ndarray, grasp: np.ndarray, slot: int, config: WorldConfig) -> None:
@@ -146,6 +157,12 @@ class _Keys:
         self.joints.append(self.joints[-1] if joints is None else joints)
         self.held.append(self.held[-1] if held is None else held)
         self.done.append(self.done[-1] + done)
+
+
+def _lasting(manoeuvre: Manoeuvre, time_s: float) -> Manoeuvre:
+    """A drive slowed down or sped up."""
+    factor = max(time_s, _LEAST_DRIVE_S) / manoeuvre.time_s
+    return Manoeuvre(tuple(dataclasses.replace(leg, law=leg.law.times(factor)) for leg in manoeuvre.legs))
 
 
 def _pause(duration_s: float) -> TimeLaw:

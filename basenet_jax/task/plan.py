@@ -13,7 +13,7 @@ from basenet_jax.compilation import Stored
 from basenet_jax.config import WorldConfig
 from basenet_jax.robot.kinematics import geometric_jacobian
 from basenet_jax.robot.model import Robot
-from basenet_jax.task.drives import Drives, PointDrives, are_docked, make_drives
+from basenet_jax.task.drives import Drives, GivenDrives, PointDrives, are_docked, make_drives
 from basenet_jax.task.picking import ArmCheck, Pick, Reason, Rules, pick
 from basenet_jax.world.boxes import Boxes, Room
 from basenet_jax.world.clearance import base_collides, capsules_touch
@@ -86,7 +86,7 @@ def execute(
         robot: the robot.
         scene: one scene or a batch.
         plan: of the same batch shape.
-        drives: of the room that all scenes are in; by default of a point, each scene round its own one table.
+        drives: of the room that all scenes are in, or given; by default of a point, each round its scene's one table.
         config: of navigation and picks.
         arm_check: tests joint states for collision.
     """
@@ -170,8 +170,10 @@ def _by_step(grasps: Grasps, slot: Int[Array, "*batch S"]) -> Grasps:
 compiled_execute = Stored(execute, static=("config",))
 
 
-def judge(robot: Robot, scenes: Scene, plans: Plan, world: WorldConfig = WorldConfig()) -> Outcome:
-    """`execute` of one scene or a batch, compiled, with the drives of each scene's room.
+def judge(
+    robot: Robot, scenes: Scene, plans: Plan, world: WorldConfig = WorldConfig(), given: GivenDrives | None = None
+) -> Outcome:
+    """`execute` of one scene or a batch, compiled, with the drives of each scene's room, unless others are given.
 
     Scenes in which one drives docked are judged one after the other: each room has its own roads.
 
@@ -180,9 +182,10 @@ def judge(robot: Robot, scenes: Scene, plans: Plan, world: WorldConfig = WorldCo
         scenes: one scene or a batch with one leading axis, concrete.
         plans: of the same batch shape.
         world: of drives and picks.
+        given: drives instead of the rooms' own.
     """
-    if not are_docked(scenes.room, world.navigation):
-        return compiled_execute(robot, scenes, plans, None, config=world)
+    if given is not None or not are_docked(scenes.room, world.navigation):
+        return compiled_execute(robot, scenes, plans, given, config=world)
     if scenes.mask.ndim == 1:
         drives = make_drives(robot, scenes.room, world.navigation)
         return compiled_execute(robot, scenes, plans, drives, config=world)

@@ -68,6 +68,7 @@ class PlanFields(Struct, forbid_unknown_fields=True, kw_only=True):
     planner: str
     robot: str
     world: WorldFields | UnsetType = UNSET  # not there: the default one
+    drive_times: str | UnsetType = UNSET  # where the drive times are from, if they aren't the world's own
     planning_time_s: _Duration
     compile_time_s: _Duration
     steps: Annotated[list[StepFields], Meta(max_length=MAX_OBJECTS)]
@@ -82,6 +83,7 @@ ALLOWED = {
     "planner": "is a planner's name",
     "robot": "is a robot's name",
     "world": "is a mapping of the settings that differ, navigation and pick, or no such key",
+    "drive_times": "is a text, or no such key",
     "world.navigation": "is a mapping of settings",
     "world.pick": "is a mapping of settings",
     "planning_time_s": _SECONDS,

@@ -47,6 +47,7 @@ def save_plan(
     planning_time_s: float,
     compile_time_s: float,
     world: WorldConfig = WorldConfig(),
+    drive_times: str | None = None,
 ) -> None:
     """Writes a plan file, whole or not at all. Its decimals give back the same float32 values.
 
@@ -59,13 +60,14 @@ def save_plan(
         planning_time_s: what making it took (s), compiled ahead of time.
         compile_time_s: what compiling took (s).
         world: that it was planned and executed in; what differs from the default drives and picks is written.
+        drive_times: where the outcome's are from (`DriveTimes.source`), if not from the world's own drives.
 
     Raises:
         OSError: the file can't be written.
         ValueError: the outcome holds an infinite number.
     """
     plan, outcome = jax.device_get((plan, outcome))
-    drives = _manoeuvres(scene, plan, outcome, world)
+    drives = {} if drive_times else _manoeuvres(scene, plan, outcome, world)
     steps = [_step(scene, plan, outcome, int(step), drives) for step in np.flatnonzero(outcome.is_step)]
     totals = TotalsFields(
         objects=len(steps),
@@ -78,6 +80,7 @@ def save_plan(
         planner=planner,
         robot=robot_name(scene.robot),
         world=WorldFields(**changes) if (changes := _changes(world, WorldConfig())) else UNSET,
+        drive_times=drive_times or UNSET,
         planning_time_s=shortest(planning_time_s),
         compile_time_s=shortest(compile_time_s),
         steps=steps,
