@@ -10,6 +10,8 @@ import nbformat
 import pytest
 from nbclient import NotebookClient
 
+from tests.shared_data import shared_file
+
 ROOT = Path(__file__).parents[1]
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 
@@ -18,6 +20,7 @@ NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 def environment(monkeypatch):
     """The kernel inherits this process's environment."""
     monkeypatch.setenv("BASENET_JAX_NOTEBOOK", "tiny")
+    monkeypatch.delenv("BASENET_JAX_DATA", raising=False)
 
 
 def code_cells(notebook):
@@ -30,8 +33,8 @@ def pictures(notebook):
 
 
 def test_all_notebooks_are_there():
-    names = ["01_quickstart.ipynb", "02_train.ipynb", "03_results.ipynb", "04_your_robot.ipynb"]
-    assert [path.name for path in NOTEBOOKS] == names
+    names = ["01_quickstart", "02_train", "03_results", "04_your_robot", "05_your_room"]
+    assert [path.stem for path in NOTEBOOKS] == names
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
@@ -64,9 +67,22 @@ def test_what_notebooks_import_is_there(path):
         pytest.param("02_train", 2, marks=pytest.mark.slow),
         pytest.param("03_results", 2, marks=pytest.mark.slow),
         pytest.param("04_your_robot", 3, marks=pytest.mark.slow),
+        pytest.param("05_your_room", 1, marks=pytest.mark.slow),
     ],
 )
 def test_a_notebook_runs(name, drawn, tmp_path, environment):
+    assert pictures(run(name, tmp_path)) == drawn
+
+
+@pytest.mark.slow
+def test_the_notebook_of_rooms_plans_on_the_maps_that_are_there(tmp_path, environment, monkeypatch):
+    for name in ("depot.yaml", "hangar_map.yaml"):
+        folder = shared_file(f"maps/{name}").parents[1]
+    monkeypatch.setenv("BASENET_JAX_DATA", str(folder))
+    assert pictures(run("05_your_room", tmp_path)) == 2
+
+
+def run(name, tmp_path):
     notebook = nbformat.read(ROOT / "notebooks" / f"{name}.ipynb", as_version=4)
     client = NotebookClient(
         notebook,
@@ -76,5 +92,5 @@ def test_a_notebook_runs(name, drawn, tmp_path, environment):
         resources={"metadata": {"path": str(tmp_path)}},
     )
     client.execute()
-    assert pictures(notebook) == drawn
     assert os.listdir(tmp_path)
+    return notebook

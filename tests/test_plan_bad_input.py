@@ -61,7 +61,8 @@ FIELD = r"(?:(?=[\w\[])[\w-]*(?:\[\d+\])*(?:\.[\w-]+(?:\[\d+\])*)*|line \d+)"  #
 def check_message(message: str, path: Path) -> None:
     """One line: the file, the field or line, what was found and what is allowed, or what is wrong with the syntax."""
     start = re.escape(f"basenet_jax.plan: {path}: ")
-    wrong = rf"{start}{FIELD}: (?:found .+, allowed (?:is|are) .+|no (?:YAML|JSON): .+)\n"
+    map_file = r"(?:map: hall\.(?:yaml|pgm): )?"
+    wrong = rf"{start}{map_file}{FIELD}: (?:found .+, allowed (?:is|are) .+|no (?:YAML|JSON): .+)\n"
     assert re.fullmatch(wrong, message), message
     assert len(message) < 500
 
@@ -160,6 +161,62 @@ def test_anything_at_all(data, name):
 def test_a_bad_room_is_refused_likewise(old, new):
     text = room_texts.TEXT.replace("drives:", "map: none.yaml\ndrives:") if old == "map" else room_texts.TEXT
     assert run_and_check(text.replace(old, new, 1).encode(), "room.yaml") == 2
+
+
+HALL = {"image": "hall.pgm", "resolution": 0.1, "origin": [0, 0, 0], "negate": 0} | {
+    "occupied_thresh": 0.65,
+    "free_thresh": 0.25,
+}
+FREE = b"P5 100 80 255\n" + b"\xfe" * 8000
+
+
+def with_map(**changes):
+    return {"map": HALL | changes}
+
+
+def surface(name, pose, **more):
+    return {"surface": {"name": name, "pose": pose, "size": [1.0, 1.0], "height": 0.8} | more}
+
+
+BAD_ROOMS = {
+    "no map": {"room": {"map": "none.yaml"}},
+    "map elsewhere": {"room": {"map": "../hall.yaml"}},
+    "map by its whole path": {"room": {"map": "/etc/hostname"}},
+    "image elsewhere": with_map(image="../hall.pgm"),
+    "no resolution": with_map(resolution=0),
+    "resolution of NaN": with_map(resolution=float("nan")),
+    "100 megapixels": with_map() | {"image": b"P5 10000 10000 255\n"},
+    "16 bits": with_map() | {"image": b"P5 100 80 65535\n" + bytes(16000)},
+    "image too short": with_map() | {"image": FREE[:-10]},
+    "image too long": with_map() | {"image": FREE + b"\xfe" * 100},
+    "nothing known": with_map() | {"image": FREE.replace(b"\xfe", b"\xcd")},
+    "start off the map": with_map(origin=[50, 50, 0]),
+    "surfaces overlap": surface("over", [2.2, 3.1, 0.0]),
+    "surface through the floor": surface("low", [5.5, 4.5, 0.0], thickness=0.9),
+    "surface in a wall": surface("in_the_wall", [4.0, 6.2, 0.0]),
+    "start in a box": {"room": {"robot": {"start": [4.0, 3.0, 0.0]}}},
+    "object over two surfaces": surface("board", [1.9, 3.7, 0.0], height=1.6, thickness=0.03),
+    "300 boxes": {
+        "room": {"obstacles": [{"name": f"b{i}", "pose": [5, 5, 0], "size": [0.1, 0.1, 0.1]} for i in range(300)]}
+    },
+}
+
+
+@pytest.mark.parametrize("bad", BAD_ROOMS.values(), ids=BAD_ROOMS)
+def test_bad_rooms_end_with_one_message(tmp_path, capsys, bad):
+    room = room_texts.content() | bad.get("room", {})
+    if "map" in bad:
+        room["map"] = "hall.yaml"
+        (tmp_path / "hall.yaml").write_text(yaml.safe_dump(bad["map"]))
+        (tmp_path / "hall.pgm").write_bytes(bad.get("image", FREE))
+    room["surfaces"] += [bad["surface"]] if "surface" in bad else []
+    path = tmp_path / "room.yaml"
+    path.write_text(yaml.safe_dump(room))
+    before = sorted(tmp_path.iterdir())
+    assert plan.main([str(path), "--out", str(tmp_path / "plan.json"), "--export", str(tmp_path / "export")]) == 2
+    printed, said = capsys.readouterr()
+    assert (printed, sorted(tmp_path.iterdir())) == ("", before)
+    check_message(said, path)
 
 
 def test_the_valid_scene_is_planned_so_the_others_are_refused_for_their_changes():

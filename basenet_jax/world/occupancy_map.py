@@ -121,6 +121,21 @@ def map_boxes(occupancy: OccupancyMap) -> Boxes:
     return Boxes(**leaves)
 
 
+def check_on_map(start: Float[np.ndarray, "3"], occupancy: OccupancyMap) -> None:
+    """That a base pose is on the map, beyond whose frame nothing would stop the base.
+
+    Raises:
+        DocumentError: it isn't.
+    """
+    x, y, yaw = occupancy.origin
+    (sine, cosine), away = (np.sin(yaw), np.cos(yaw)), start[:2] - (x, y)
+    place = np.array([cosine * away[0] + sine * away[1], cosine * away[1] - sine * away[0]])
+    sides = occupancy.resolution * np.array(occupancy.closed.shape[::-1])
+    if np.any(place < 0) or np.any(place > sides):
+        size = f"{sides[0]:g} x {sides[1]:g} m from [{x:g}, {y:g}], turned by {yaw:g}"
+        raise field_error("robot.start", f"{start.tolist()}, off the map", f"are poses on it, {size}")
+
+
 def _read_image(path: Path) -> UInt8[np.ndarray, "rows columns channels"]:
     """Red, green, blue and, if the image has it, alpha; the first row is the highest."""
     from PIL import Image  # here and not above: few scenes have a map
@@ -134,6 +149,8 @@ def _read_image(path: Path) -> UInt8[np.ndarray, "rows columns channels"]:
             raise field_error("", f"{width} x {height} cells", f"are up to {MAX_CELLS}")
         if image.mode not in ("L", "LA", "RGB", "RGBA") or ";16" in str(image.tile):
             raise field_error("", f"pixels of another kind ({image.mode})", "are 8 bits a channel, grey or in colour")
+        if image.format == "PPM" and image.tile[0].codec_name != "ppm_plain":
+            _check_all_read(data[image.tile[0].offset :], width * height * len(image.getbands()))
         return np.asarray(image.convert("RGBA" if image.has_transparency_data else "RGB"))
     except Image.DecompressionBombError:
         raise field_error("", "more than 100 million cells", f"are up to {MAX_CELLS}") from None
@@ -141,6 +158,12 @@ def _read_image(path: Path) -> UInt8[np.ndarray, "rows columns channels"]:
         raise
     except Exception:  # of damaged files Pillow says nearly anything
         raise field_error("", "no image that can be decoded", "are whole PGM and PNG files") from None
+
+
+def _check_all_read(pixels: bytes, count: int) -> None:
+    """That a PGM's or PPM's header speaks of all its pixels: Pillow takes as many as it says, and no notice of more."""
+    if pixels[count:].strip():
+        raise field_error("", f"{len(pixels)} bytes of pixels", f"are {count}, by the width and height in its header")
 
 
 def _free(pixels: UInt8[np.ndarray, "rows columns channels"], fields: MapFields) -> Bool[np.ndarray, "rows columns"]:

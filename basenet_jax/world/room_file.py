@@ -16,7 +16,7 @@ from basenet_jax.world.footprints import within
 from basenet_jax.world.furniture import Furniture, SurfaceFields, furnish
 from basenet_jax.world.grasp_fields import grasp_document, read_grasps, size_of
 from basenet_jax.world.grasps import of_objects
-from basenet_jax.world.occupancy_map import map_boxes, read_map
+from basenet_jax.world.occupancy_map import check_on_map, map_boxes, read_map
 from basenet_jax.world.room_checks import check_furniture, check_objects, check_start, surfaces_under
 from basenet_jax.world.room_fields import ALLOWED, ROOM_FORMAT, RoomFields, RoomObjectFields
 from basenet_jax.world.scene import NamedScene, Scene
@@ -39,10 +39,12 @@ def read_room(document: Any, folder: Path, robot: str | None = None) -> NamedSce
     fields = convert(document, RoomFields, format_name=ROOM_FORMAT, allowed=ALLOWED)
     check_furniture(fields)
     check_objects(fields)
-    occupied = None if isinstance(fields.map, UnsetType) else map_boxes(read_map(fields.map, folder))
-    room, names = furnish(fields, occupied)
+    occupancy, start = None if isinstance(fields.map, UnsetType) else read_map(fields.map, folder), fields.robot.start
+    room, names = furnish(fields, None if occupancy is None else map_boxes(occupancy))
     reference = choose_robot(fields.robot, robot)
-    check_start(np.array(fields.robot.start), load_robot(reference), room, names)
+    if occupancy is not None:
+        check_on_map(np.array(start), occupancy)
+    check_start(np.array(start), load_robot(reference), room, names)
     return room_scene(fields, room, names, reference, folder)
 
 

@@ -90,6 +90,15 @@ def test_every_planner_plans_rooms(scene, name):
         assert int(outcome.grasped) == 3
 
 
+def test_a_robot_that_is_shut_in_says_that_it_can_not_get_there(tmp_path):
+    cell = "{name: cell, points: [[3.2, 0.0], [3.2, 2.0], [5.2, 2.0], [5.2, 0.0]], thickness: 0.1, height: 2.0}"
+    (tmp_path / "room.yaml").write_text(ROOM.read_text().replace("walls:\n", f"walls:\n  - {cell}\n"))
+    scene = bn.load_scene(tmp_path / "room.yaml")
+    outcome = jax.device_get(bn.execute(scene, bn.make_plan(scene, planner="greedy-stops")))
+    assert not int(outcome.grasped)
+    np.testing.assert_array_equal(outcome.reason[:3], Reason.UNREACHABLE)
+
+
 def test_a_wall_that_shuts_off_a_surface_is_said(tmp_path):
     """Round the bench is too little room to park: its objects can't be had, the shelf's can."""
     text = ROOM.read_text().replace(

@@ -14,7 +14,7 @@ from PIL import Image
 
 from basenet_jax.documents.fields import DocumentError
 from basenet_jax.world.furniture import FLAT_M
-from basenet_jax.world.occupancy_map import OccupancyMap, map_boxes, read_map
+from basenet_jax.world.occupancy_map import OccupancyMap, check_on_map, map_boxes, read_map
 from tests.oracles import occupancy_map as oracle
 from tests.shared_data import shared_file
 
@@ -181,6 +181,8 @@ WRONG_IMAGES = [
     (png_header(4, 4, 16, 2), "content: found pixels of another kind (RGB), allowed are 8 bits a channel"),
     (png(LEVELS > 100), "content: found pixels of another kind (1), allowed are 8 bits a channel"),
     (SHORT, "content: found no image that can be decoded, allowed are whole PGM and PNG files"),
+    (b"P5 16 16 255\n" + b"7" * 300, "content: found 300 bytes of pixels, allowed are 256, by the width and height in"),
+    (b"P6 16 16 255\n" + b"7" * 800, "content: found 800 bytes of pixels, allowed are 768, by the width and height in"),
     (b"P5 16 16 255\nabc", "content: found no image that can be decoded, allowed are whole PGM and PNG files"),
     (b"", "content: found no image that can be decoded, allowed are whole PGM and PNG files"),
     (b"GIF89a", "content: found no image that can be decoded, allowed are whole PGM and PNG files"),
@@ -204,6 +206,25 @@ def test_a_map_that_is_missing_or_elsewhere_is_named(tmp_path, name):
     (own / "link.yaml").symlink_to(tmp_path / "map.yaml")
     with pytest.raises(DocumentError, match=r"^map: found .*, allowed are files in the scene file's folder or below"):
         read_map(name, own)
+
+
+def test_a_pgm_may_end_with_a_line_break(folder):
+    write(folder, FIELDS)
+    (folder / "map.png").write_bytes(b"P5 4 2 255\n" + bytes(8) + b"\n")
+    assert read_map("map.yaml", folder).closed.shape == (2, 4)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.5])
+def test_a_start_off_the_map_is_refused(yaw):
+    occupancy = OccupancyMap(np.zeros((20, 40), bool), 0.1, (3.0, -1.0, yaw))
+    turned = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+    for place in ((0.1, 0.1), (3.9, 1.9), (2.0, 1.0)):
+        check_on_map(np.array([*(turned @ place + (3.0, -1.0)), 0.0]), occupancy)
+    for place in ((-0.1, 0.1), (4.1, 1.0), (2.0, 2.1), (2.0, -3.0)):
+        with pytest.raises(
+            DocumentError, match=r"robot.start: found .*, off the map, allowed are poses on it, 4 x 2 m"
+        ):
+            check_on_map(np.array([*(turned @ place + (3.0, -1.0)), 0.0]), occupancy)
 
 
 def test_noise_is_refused():
