@@ -6,7 +6,7 @@ import sys
 import threading
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 
@@ -18,9 +18,9 @@ from basenet_jax.config import WorldConfig
 class Arguments(PlannerArguments):
     """Serves a web page on which a scene can be changed with the mouse while its plan follows, and be played.
 
-    Ctrl-C ends it. The page shows table, objects, robot, the plan on the floor with its navigation time N and grasping
-    time G, and why objects can't be picked; scene and plan files can be opened and saved there. It is for people you
-    trust: whoever reaches the address can use it. Exit codes: 0 ended, 2 bad input.
+    Ctrl-C ends it. The page shows table or room, objects, robot, the plan on the floor with its navigation time N and
+    grasping time G, and why objects can't be picked; scene and plan files can be opened and saved there. It is for
+    people you trust: whoever reaches the address can use it. Exit codes: 0 ended, 2 bad input.
     """
 
     scene: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[SCENE]")] = None
@@ -37,6 +37,8 @@ class Arguments(PlannerArguments):
     """A packaged robot's name or the path of a robot file, instead of the robot that scenes name."""
     objects: int = 10
     """In a random scene, 1 to 50."""
+    kind: Annotated[Literal["table", "rooms"], tyro.conf.arg(name="world")] = "table"
+    """Of random scenes: the paper's world, one table, or a room."""
     seed: int = 0
     """Of random scenes."""
     config: Path | None = None
@@ -72,19 +74,24 @@ def _view(options: Arguments) -> int:
     from basenet_jax.viewer.app import Viewer, check_address
     from basenet_jax.viewer.editing import pad
     from basenet_jax.viewer.planned import Choices, planner_for
+    from basenet_jax.world.generate_rooms import draw_room
     from basenet_jax.world.scene_file import load_scene
 
     enable_cache()
     planners = (options.planner, *([options.compare] if options.compare else []))
     shared = {"options": options.given_options(), "world": options.world, "grid": options.grid}
     choices = Choices(planners, robot=options.robot, **shared)
+    robot = options.robot or DEFAULT_ROBOT
     try:
         check_address(options.host, options.port)
         if options.scene is not None:
             scene = pad(load_scene(options.scene, robot=options.robot))
+        elif options.kind == "rooms":
+            scene = pad(draw_room(options.seed, options.objects, robot=robot, config=options.world.scene))
         else:
-            key, robot = jax.random.key(options.seed), options.robot or DEFAULT_ROBOT
-            scene = sample_scene(key, objects=options.objects, robot=robot, world=options.world)
+            scene = sample_scene(
+                jax.random.key(options.seed), objects=options.objects, robot=robot, world=options.world
+            )
         shared_options(planners, choices.options)
         for name in planners:
             planner_for(scene, name, choices)

@@ -5,13 +5,13 @@ import io
 import socket
 import threading
 
-import viser
-
 from basenet_jax.viewer.controls import Controls
 from basenet_jax.viewer.mouse import Mouse
 from basenet_jax.viewer.page import Page
 from basenet_jax.viewer.panel import Panel
+from basenet_jax.viewer.serving import Gate, address_of, serve
 from basenet_jax.viewer.session import Choices, Session
+from basenet_jax.viewer.visitors import Visitors
 from basenet_jax.world.scene import NamedScene
 
 
@@ -27,21 +27,22 @@ class Viewer:
     """
 
     def __init__(self, scene: NamedScene, choices: Choices, *, host: str = "127.0.0.1", port: int = 0, seed: int = 0):
-        with contextlib.redirect_stdout(io.StringIO()):  # viser greets
-            self.server = viser.ViserServer(host=host, port=port, verbose=False)
+        self._gate = Gate(host)
+        self.server = serve(host, port, self._gate)
         lock = threading.RLock()
         panel = Panel(self.server.gui, choices.planners)
         self.page = Page(self.server, panel, lock, scene)
         self.session = Session(scene, choices, self.page, lock)
+        controls = Controls(panel, self.page, self.session, seed)
+        self.page.visitors = Visitors(self.server, panel.files, controls.open_scene, controls.open_plan)
         self.page.on_drag = Mouse(self.server, self.page, self.session).on_drag
-        Controls(panel, self.page, self.session, seed)
         self.session.begin()
 
     @property
     def url(self) -> str:
-        """Where the page is."""
-        host = self.server.get_host()
-        return f"http://{'localhost' if host == '0.0.0.0' else host}:{self.server.get_port()}"
+        """The link that opens the page; where others than this machine reach it, with its token."""
+        link = f"http://{address_of(self.server.get_host())}:{self.server.get_port()}"
+        return link if self._gate.token is None else f"{link}/?token={self._gate.token}"
 
     def close(self) -> bool:
         """Ends all of it; False if a compilation goes on, which nothing can break off."""

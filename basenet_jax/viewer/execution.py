@@ -25,7 +25,7 @@ class Placed(NamedTuple):
 
 
 class Execution:
-    """A plan that is carried out: objects go from the table by the gripper to the robot's deck.
+    """A plan that is carried out: objects go from their surfaces by the gripper to the robot's deck.
 
     On the deck they stand in rows, in the order of the picks, whatever stowed them there.
 
@@ -63,7 +63,7 @@ class Execution:
             elif slot in stowed:
                 frame = frame_at(base_pose) @ self._cells[slot]
             else:
-                frame = on_table(self._scene, slot)
+                frame = on_surface(self._scene, slot)
             poses[name] = _placed(frame)
         return poses
 
@@ -72,19 +72,19 @@ class Execution:
         if slot not in self._grips:
             base_pose, joints, _, _ = self._motion.at(float(self._motion.time[np.argmax(self._motion.held == slot)]))
             tool = self._bodies.tool(base_pose, joints)
-            self._grips[slot] = np.linalg.inv(tool) @ on_table(self._scene, slot)
+            self._grips[slot] = np.linalg.inv(tool) @ on_surface(self._scene, slot)
         return self._grips[slot]
 
 
-def on_table(scene: Scene, slot: int) -> Float[np.ndarray, "4 4"]:
-    """An object's frame in W while it stands on the table."""
-    height = float(scene.room.table_height) + float(scene.object_size[slot, 2]) / 2
+def on_surface(scene: Scene, slot: int) -> Float[np.ndarray, "4 4"]:
+    """An object's frame in W while it stands where the scene has it."""
+    height = float(scene.surface_height[slot]) + float(scene.object_size[slot, 2]) / 2
     return frame_at(scene.object_pose[slot], height)
 
 
-def placed_on_table(scene: Scene, slot: int) -> Placed:
-    """An object's pose in W while it stands on the table."""
-    return _placed(on_table(scene, slot))
+def placed_on_surface(scene: Scene, slot: int) -> Placed:
+    """An object's pose in W while it stands where the scene has it."""
+    return _placed(on_surface(scene, slot))
 
 
 def frame_at(pose: ArrayLike, z: float = 0.0) -> Float[np.ndarray, "4 4"]:

@@ -1,4 +1,4 @@
-"""What the mouse does in the picture: drags objects and the start, selects them, and asks the floor."""
+"""What the mouse does in the picture: drags objects, furniture and the start, selects them, and asks the floor."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ import viser
 from jaxtyping import Float
 
 from basenet_jax.viewer.page import Page
-from basenet_jax.viewer.pointing import Target, hit, meet_plane, pose_of
+from basenet_jax.viewer.pointing import Target, hit, is_there, meet_plane, pose_of, surface_met
 from basenet_jax.viewer.session import Session
 
 
@@ -15,8 +15,10 @@ from basenet_jax.viewer.session import Session
 class _Grip:
     """Where something was grabbed, and where it was dragged last."""
 
+    client_id: int
     target: Target
     height: float  # m, of the level plane in which the mouse then moves it
+    above: float | None  # m, of the place that was grabbed over the surface that an object stands on
     offset: Float[np.ndarray, "2"]  # from the mouse to its centre
     yaw: float
     place: tuple[float, float] | None = None  # m
@@ -37,10 +39,7 @@ class Mouse:
             self._grab(event, target)
         elif grip := self._grips.get(event.client_id):
             camera = np.asarray(event.client.camera.position)
-            place = meet_plane(camera, np.asarray(event.end_position) - camera, grip.height)
-            if place is not None and tuple(place) != grip.place:  # letting go mostly tells of the last move again
-                grip.place = tuple(place)
-                self._move(grip.target, np.array([*(place + grip.offset), grip.yaw]))
+            self._follow(grip, camera, np.asarray(event.end_position) - camera)
         if event.phase == "end":
             self._grips.pop(event.client_id, None)
 
@@ -49,28 +48,45 @@ class Mouse:
             if self._page.timeline.time_s > 0.0:
                 self._page.go_to(0.0)  # what was under the mouse may be elsewhere at the start: nothing is grabbed
                 return
-            if target.name is not None and target.name not in self._session.scene.names:
+            if not is_there(self._session.scene, target):
                 return  # somebody else has just removed it
             pose = pose_of(self._session.scene, target)
             x, y, height = event.start_position
-            self._grips[event.client_id] = _Grip(target, height, pose[:2] - (x, y), float(pose[2]))
+            scene, above = self._session.scene, None
+            if target.name in scene.names:
+                above = height - float(scene.arrays.surface_height[scene.names.index(target.name)])
+            self._grips[event.client_id] = _Grip(
+                event.client_id, target, height, above, pose[:2] - (x, y), float(pose[2])
+            )
             self._page.select(target)
 
-    def _move(self, target: Target, pose: Float[np.ndarray, "3"]) -> None:
+    def _follow(self, grip: _Grip, origin: Float[np.ndarray, "3"], direction: Float[np.ndarray, "3"]) -> None:
+        """Moves what was grabbed under the mouse: objects over the first surface there, all else in its plane."""
+        met = None
+        if grip.above is not None:
+            met = surface_met(self._session.scene, origin, direction, grip.above, grip.offset)
+        if met is not None:
+            grip.height = float(self._session.scene.arrays.room.boxes.high[met[0]]) + (grip.above or 0.0)
+        place = meet_plane(origin, direction, grip.height)
+        if place is not None and tuple(place) != grip.place:  # letting go mostly tells of the last move again
+            grip.place = tuple(place)
+            pose = np.array([*(place + grip.offset), grip.yaw])
+            self._move(grip.client_id, grip.target, pose, None if met is None else met[0])
+
+    def _move(
+        self, client_id: int | None, target: Target, pose: Float[np.ndarray, "3"], surface: int | None = None
+    ) -> None:
         try:
-            if target.name is None:
-                self._session.move_start(pose)
-            else:
-                self._session.move_object(target.name, pose)
+            self._session.move(target.name, pose, surface)
         except ValueError as error:  # it stays at the last place where it can stand
-            self._page.warn(str(error))
+            self._page.warn(client_id, str(error))
 
     async def _on_gizmo(self, event: viser.TransformControlsEvent) -> None:
         target = self._page.selected
         if target is None:
             return
         if event.phase == "update":
-            self._move(target, self._page.gizmo.pose)
+            self._move(event.client_id, target, self._page.gizmo.pose)
         elif event.phase == "end":
             self._page.select(target)  # the gizmo goes back to what it moves, should that not have followed
 

@@ -6,7 +6,7 @@ import numpy as np
 import viser
 
 from basenet_jax.viewer.drawing import class_color
-from basenet_jax.viewer.execution import Placed, placed_on_table
+from basenet_jax.viewer.execution import Placed, placed_on_surface
 from basenet_jax.world.scene import NamedScene
 
 _ABOVE_M = 0.03  # of a label over its object
@@ -28,7 +28,7 @@ class ObjectViews:
         self._count = 0  # of boxes ever made: names of nodes are not used again
 
     def show(self, scene: NamedScene) -> None:
-        """As many boxes as there are objects, each on the table."""
+        """As many boxes as there are objects, each where it stands."""
         looks = {name: _looks(scene, slot) for slot, name in enumerate(scene.names)}
         for name in [name for name, own in self._looks.items() if looks.get(name) != own]:
             self._boxes.pop(name).remove()
@@ -36,7 +36,7 @@ class ObjectViews:
         for name in [name for name in scene.names if name not in self._boxes]:
             self._add(name, *looks[name])
         self._looks = looks
-        self.place({name: placed_on_table(scene.arrays, slot) for slot, name in enumerate(scene.names)})
+        self.place({name: placed_on_surface(scene.arrays, slot) for slot, name in enumerate(scene.names)})
 
     def place(self, poses: Mapping[str, Placed]) -> None:
         """Moves boxes to where they are."""

@@ -10,16 +10,20 @@ from basenet_jax.robot.reading import load_robot
 from basenet_jax.viewer import words
 from basenet_jax.viewer.asking import Answer
 from basenet_jax.viewer.bodies import Bodies
-from basenet_jax.viewer.drawing import PLAN_COLORS, Surroundings, draw_table, place_camera
-from basenet_jax.viewer.execution import Execution, on_table
+from basenet_jax.viewer.camera import Cameras
+from basenet_jax.viewer.drawing import PLAN_COLORS, Surroundings, draw_table
+from basenet_jax.viewer.execution import Execution
+from basenet_jax.viewer.furnishing import pieces
+from basenet_jax.viewer.furniture_view import FurnitureViews
 from basenet_jax.viewer.marks import Gizmo, PlaceMark, StartPlate
 from basenet_jax.viewer.object_view import ObjectViews
 from basenet_jax.viewer.panel import Panel
 from basenet_jax.viewer.plan_view import PlanView
 from basenet_jax.viewer.planned import Awaited, Planned, Shown
-from basenet_jax.viewer.pointing import Target, pose_of
+from basenet_jax.viewer.pointing import Target, height_of, is_there, pose_of
 from basenet_jax.viewer.robot_view import RobotView
 from basenet_jax.viewer.timeline import Timeline
+from basenet_jax.viewer.visitors import Visitors
 from basenet_jax.world.boxes import fingerprint
 from basenet_jax.world.scene import NamedScene
 
@@ -40,42 +44,47 @@ class Page:
         self._server, self._panel, self.lock = server, panel, lock
         self.timeline = Timeline(self.show_time, lock)
         self.selected: Target | None = None
+        self.visitors: Visitors | None = None
         self.on_drag: OnDrag | None = None  # told of all drags of what can be moved
         self._executions: list[Execution | None] = [None, None]  # of the plan, and of the one it is compared with
         api = server.scene
         self.surroundings = Surroundings(api)
-        draw_table(api, scene.arrays.room)
-        place_camera(server.initial_camera)
+        self._furniture = FurnitureViews(api, lambda box, name: self._bind(box, Target(name)))
+        self._cameras = Cameras(server, scene)
         self._objects = ObjectViews(api, lambda box, name: self._bind(box, Target(name)))
         self._plans = [PlanView(api, f"/plan{index}", color, index) for index, color in enumerate(PLAN_COLORS)]
         self._mark, self.gizmo = PlaceMark(api), Gizmo(api)
         self._scene = scene
         self._use_robot(scene)
+        self._show_room(scene)
 
-    def show_scene(self, scene: NamedScene) -> None:
-        """See `Screen`: objects stand on the table, the robot at its start."""
+    def show_scene(self, scene: NamedScene, *, new: bool) -> None:
+        """See `Screen`: objects stand on their surfaces, the robot at its start."""
         with self.lock, self._server.atomic():
             if load_robot(scene.robot) is not self._robot:  # another one, or its file has changed
                 self._remove_robot()
                 self._use_robot(scene)
             if not _same_room(scene, self._scene):
-                draw_table(self._server.scene, scene.arrays.room)
+                self._show_room(scene)
             self._scene = scene
             self._executions[:] = [None, None]
             self._rest()
             self.select(self.selected)
-            self._panel.show_objects(scene.names)
-            self._panel.show_warning("")
+            if new:
+                self._cameras.look_at(scene)
+            self._panel.show_names(scene.names, tuple(pieces(scene.furniture)))
+            if self.visitors is not None:
+                self.visitors.withdraw_warnings()
 
     def show_plans(self, plans: tuple[Shown, ...]) -> None:
-        """See `Screen`; sent at once. What is awaited stays as it was."""
+        """See `Screen`; sent at once."""
         if any(isinstance(plan, Planned) and plan.scene.robot != self._scene.robot for plan in plans):
             return  # the robot was changed meanwhile
         with self.lock, self._server.atomic():
             if self.timeline.time_s > 0.0:
                 self._rest()
             for index, plan in enumerate((*plans, None)[:2]):
-                if not isinstance(plan, Awaited):
+                if not isinstance(plan, Awaited) or not plan.keep:
                     self._show_plan(index, plan if isinstance(plan, Planned) else None)
             self._views[1].set_visible(len(plans) > 1)
             self.timeline.end_s = max((each.end_s for each in self._executions if each), default=0.0)
@@ -120,15 +129,15 @@ class Page:
     def select(self, target: Target | None) -> None:
         """Puts the gizmo on what was chosen; nothing if it isn't there any more."""
         with self.lock:
-            known = target is not None and (target.name is None or target.name in self._scene.names)
-            self.selected = target if known else None
+            self.selected = target if target is not None and is_there(self._scene, target) else None
             self._show_gizmo()
             self._panel.show_selected(None if self.selected is None else self.selected.name or words.START)
 
-    def warn(self, text: str) -> None:
-        """Why something was not done; until the next change."""
+    def warn(self, client_id: int | None, text: str) -> None:
+        """Tells one person why something was not done; until the next change."""
         with self.lock:
-            self._panel.show_warning(text)
+            if self.visitors is not None:
+                self.visitors.warn(client_id, text)
 
     def _rest(self) -> None:
         """Everything as it is before the plan begins."""
@@ -145,10 +154,12 @@ class Page:
         if target is None or self.timeline.time_s > 0.0:
             self.gizmo.show(None)
             return
-        arrays, height = self._scene.arrays, 0.0
-        if target.name is not None:
-            height = float(on_table(arrays, self._scene.names.index(target.name))[2, 3])
-        self.gizmo.show((pose_of(self._scene, target), height))
+        self.gizmo.show((pose_of(self._scene, target), height_of(self._scene, target)))
+
+    def _show_room(self, scene: NamedScene) -> None:
+        self.surroundings.show(scene)
+        self._furniture.show(scene)
+        draw_table(self._server.scene, scene.arrays.room if scene.furniture is None else None)
 
     def _bind(self, handle: viser.BoxHandle | viser.MeshHandle, target: Target) -> None:
         async def on_drag(event: viser.SceneNodeDragEvent) -> None:

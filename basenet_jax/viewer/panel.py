@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import viser
 
 from basenet_jax.planners.registry import PLANNERS
-from basenet_jax.plots.drawing import FAILED
 from basenet_jax.viewer import words
 from basenet_jax.viewer.asking import Answer
 from basenet_jax.viewer.drawing import PLAN_COLORS, css
+from basenet_jax.viewer.furnishing import NEW
 from basenet_jax.viewer.planned import Shown
 from basenet_jax.world.scene import OBJECT_CLASSES
 
@@ -31,7 +31,6 @@ class Panel:
         gui.configure_theme(control_width="medium", show_logo=False, show_share_button=False)
         gui.set_panel_label("basenet_jax")
         self._status = gui.add_html("", visible=False)
-        self._warning = gui.add_html("", visible=False)
         self._figures = gui.add_html("")
         gui.add_html(words.hints())
         self._add_planners(planners)
@@ -48,11 +47,6 @@ class Panel:
         self._status.content = words.paragraph(f"⏳ {text} …")
         self._status.visible = bool(text)
 
-    def show_warning(self, text: str) -> None:
-        """Why something was not done."""
-        self._warning.content = words.paragraph(text, color=FAILED)
-        self._warning.visible = bool(text)
-
     def show_figures(self, plans: Sequence[Shown]) -> None:
         """Times of the plans, and what they leave and why."""
         self._figures.content = words.figures(plans, [css(color) for color in PLAN_COLORS])
@@ -62,11 +56,12 @@ class Panel:
         self._answer.content = "" if answer is None else words.answer(answer)
         self._asking.visible = answer is not None
 
-    def show_objects(self, names: Sequence[str]) -> None:
-        """Names to select."""
-        options = (*_NO_NAMES, *names)
+    def show_names(self, objects: Sequence[str], furniture: Sequence[str]) -> None:
+        """Names to select; where there is furniture, more can be added."""
+        options = (*_NO_NAMES, *objects, *furniture)
         if self.selected.options != options:
             self.selected.options = options
+        self.piece.visible = self.add_piece.visible = bool(furniture)
 
     def show_selected(self, name: str | None) -> None:
         """What is selected."""
@@ -97,14 +92,14 @@ class Panel:
     def _add_objects(self) -> None:
         with self._gui.add_folder("Objects"):
             self.selected: viser.GuiDropdownHandle[str] = self._gui.add_dropdown("selected", _NO_NAMES)
-            self.remove = self._gui.add_button("Remove the selected object", disabled=True)
+            self.remove = self._gui.add_button("Remove what is selected", disabled=True)
             self.kind = self._gui.add_dropdown("class", tuple(kind.name for kind in OBJECT_CLASSES))
             self.add = self._gui.add_button("Add an object of this class")
+            self.piece = self._gui.add_dropdown("furniture", tuple(NEW), visible=False)
+            self.add_piece = self._gui.add_button("Add this furniture", visible=False)
 
     def _add_files(self) -> None:
-        with self._gui.add_folder("Files", expand_by_default=False):
+        with self._gui.add_folder("Files", expand_by_default=False) as self.files:  # pages add their own to open files
             self.random = self._gui.add_button("Another random scene")
-            self.upload_scene = self._gui.add_upload_button("Open a scene file", mime_type=".yaml,.yml,.json")
             self.download_scene = self._gui.add_button("Save the scene")
-            self.upload_plan = self._gui.add_upload_button("Open a plan file", mime_type=".json")
             self.download_plan = self._gui.add_button("Save the plan")

@@ -4,11 +4,12 @@ import threading
 from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
 
+import jax
+
 from basenet_jax.compilation import programs_of_this_thread
 from basenet_jax.viewer import planned
 from basenet_jax.viewer.planned import Choices, Planned, Refused
 from basenet_jax.viewer.worker import Worker
-from basenet_jax.world.boxes import fingerprint
 from basenet_jax.world.scene import NamedScene
 
 _PATIENCE_S = 0.4  # after which it is said what takes so long
@@ -25,12 +26,12 @@ class PlanMaker:
 
     def __init__(self, choices: Choices, tell: Callable[[str], None], report: Callable[[Exception], None]):
         self._choices, self._tell = choices, tell
-        self._seen: set[Hashable] = set()  # planners, robots, slots and rooms that were compiled for
+        self._seen: set[Hashable] = set()  # planners, robots, and numbers of slots and boxes that were compiled for
         self._background = Worker(report)
 
     def make(self, name: str, scene: NamedScene) -> Planned | Refused:
         """The plan of a planner, or why there is none."""
-        variant = (name, scene.robot, len(scene.arrays.mask), fingerprint(scene.arrays.room))
+        variant = (name, scene.robot, *(leaf.shape for leaf in jax.tree.leaves(scene.arrays)))
         new, before = variant not in self._seen, programs_of_this_thread()
         try:
             with self._told(f"compiling {name}, once: this can take a minute" if new else f"{name} is planning"):

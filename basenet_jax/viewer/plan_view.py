@@ -8,6 +8,8 @@ from basenet_jax.plots.drawing import rectangle, short_list, stops_of, to_world
 from basenet_jax.robot.model import Robot
 from basenet_jax.viewer.drawing import Color
 from basenet_jax.viewer.planned import Planned
+from basenet_jax.world.footprints import in_frame
+from basenet_jax.world.scene import NamedScene
 
 _FACES = np.array([(0, 1, 2), (0, 2, 3)], np.uint32)
 _NO_LINES = np.zeros((1, 2, 3))
@@ -58,7 +60,7 @@ class PlanView:
         self._draw_stops(poses, np.asarray(robot.footprint_half_size))
         who = f"{planned.maker} " if self._second else ""
         texts = [f"{who}picks {short_list(numbers)}" for numbers in stops.values()]
-        self._write(texts, poses, np.asarray(planned.scene.arrays.room.table_half_size))
+        self._write(texts, poses, self._label_m * _away_from_surfaces(planned.scene, poses))
 
     def _draw_path(self, points: Float[np.ndarray, "K 2"]) -> None:
         moved = np.any(np.diff(points, axis=0) != 0, axis=1)
@@ -77,12 +79,9 @@ class PlanView:
         ends = np.array([(-_ARROW_M, 0.0), (_ARROW_M, 0.0)])
         self._headings.points = self._raised(np.stack([to_world(pose, ends) for pose in poses]))
 
-    def _write(self, texts: list[str], poses: Float[np.ndarray, "S 3"], table_half: Float[np.ndarray, "2"]) -> None:
+    def _write(self, texts: list[str], poses: Float[np.ndarray, "S 3"], shift: Float[np.ndarray, "S 2"]) -> None:
         """Labels stand outside their stops, seen from the table; they are kept, since their number changes little."""
-        nearest = np.clip(poses[:, :2], -table_half, table_half)
-        away = poses[:, :2] - nearest
-        away = away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-9)
-        for index, (text, place) in enumerate(zip(texts, poses[:, :2] + self._label_m * away, strict=True)):
+        for index, (text, place) in enumerate(zip(texts, poses[:, :2] + shift, strict=True)):
             if index == len(self._labels):
                 self._labels.append(self._scene.add_label(f"{self._root}/label{index}", text, anchor="center-center"))
             label = self._labels[index]
@@ -92,3 +91,17 @@ class PlanView:
 
     def _raised(self, points: np.ndarray) -> np.ndarray:
         return np.concatenate([points, np.full((*points.shape[:-1], 1), self._height)], axis=-1, dtype=np.float32)
+
+
+def _away_from_surfaces(scene: NamedScene, poses: Float[np.ndarray, "S 3"]) -> Float[np.ndarray, "S 2"]:
+    """For each place the direction (of length 1) that leads away from the nearest surface."""
+    boxes = scene.arrays.room.boxes
+    tops = np.flatnonzero(boxes.bears_objects)
+    pose, half = np.asarray(boxes.pose, float)[tops], np.asarray(boxes.half_size, float)[tops]
+    seen = in_frame(pose[None], poses[:, None, :2])
+    away = seen - np.clip(seen, -half, half)
+    nearest = np.argmin(np.linalg.norm(away, axis=-1), axis=1)
+    shortest = away[np.arange(len(poses)), nearest]
+    cosine, sine = np.cos(pose[nearest, 2]), np.sin(pose[nearest, 2])
+    x, y = shortest.T / np.maximum(np.linalg.norm(shortest, axis=1), 1e-9)
+    return np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=-1)

@@ -46,6 +46,7 @@ class Awaited:
     """A plan that is still being made."""
 
     maker: str
+    keep: bool = False  # whether the one before, of a scene that is nearly the same, stays on the page meanwhile
 
 
 Shown = Planned | Refused | Awaited

@@ -6,9 +6,12 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import NamedTuple, Protocol
 
+import numpy as np
+from jaxtyping import Float
+
 from basenet_jax.config import WorldConfig
 from basenet_jax.planners.registry import find_planner
-from basenet_jax.viewer import asking, editing, planned, uploads
+from basenet_jax.viewer import asking, editing, furnishing, planned, uploads
 from basenet_jax.viewer.asking import Answer
 from basenet_jax.viewer.plan_maker import PlanMaker
 from basenet_jax.viewer.planned import Awaited, Choices, Shown
@@ -19,8 +22,8 @@ from basenet_jax.world.scene import NamedScene
 class Screen(Protocol):
     """What is told of every change; from several threads, never from two at once."""
 
-    def show_scene(self, scene: NamedScene) -> None:
-        """The scene has changed; the plans that are shown are of an older one."""
+    def show_scene(self, scene: NamedScene, *, new: bool) -> None:
+        """The scene has changed, or is another one; the plans that are shown are of an older one."""
         ...
 
     def show_plans(self, plans: tuple[Shown, ...]) -> None:
@@ -83,31 +86,52 @@ class Session:
 
     def begin(self) -> None:
         """Shows the scene and plans it."""
-        self._edit(lambda scene: scene)
+        self._edit(lambda scene: scene, new=True)
 
-    def move_object(self, name: str, pose) -> None:
-        """Puts an object at (x, y, yaw); see `editing.move_object`."""
-        self._edit(lambda scene: editing.move_object(scene, name, pose))
+    def move(self, name: str | None, pose: Float[np.ndarray, "3"], surface: int | None = None) -> None:
+        """Puts an object, a piece of furniture or (None) the robot's start at (x, y, yaw) in W.
 
-    def move_start(self, pose) -> None:
-        """Has the robot start at (x, y, heading); see `editing.move_start`."""
-        self._edit(lambda scene: editing.move_start(scene, pose, self._choices.world.pick))
+        See `editing.move_object`, which `surface` is for, `furnishing.move_piece` and `editing.move_start`.
+        """
+        rule = self._choices.world.pick
+
+        def change(scene: NamedScene) -> NamedScene:
+            if name is None:
+                return editing.move_start(scene, pose, rule)
+            if name in furnishing.pieces(scene.furniture):
+                return furnishing.move_piece(scene, name, pose, rule)
+            return editing.move_object(scene, name, pose, surface)
+
+        self._edit(change)
 
     def add_object(self, kind: str) -> str:
         """Adds an object of a class and returns its name."""
         return self._edit(lambda scene: editing.add_object(scene, kind)).names[-1]
 
-    def remove_object(self, name: str) -> None:
-        """Takes an object away."""
-        self._edit(lambda scene: editing.remove_object(scene, name))
+    def add_piece(self, kind: str) -> str:
+        """Adds a piece of furniture of a kind and returns its name."""
+        with self._lock:
+            changed, name = furnishing.add_piece(self._scene, kind, self._choices.world.pick)
+            self._edit(lambda _: changed)
+            return name
+
+    def remove(self, name: str) -> None:
+        """Takes away an object, or a piece of furniture with all that stands on it."""
+
+        def change(scene: NamedScene) -> NamedScene:
+            if name in furnishing.pieces(scene.furniture):
+                return furnishing.remove_piece(scene, name)
+            return editing.remove_object(scene, name)
+
+        self._edit(change)
 
     def replace_scene(self, scene: NamedScene) -> None:
         """Goes on with another scene."""
-        self._edit(lambda _: editing.pad(scene))
+        self._edit(lambda _: editing.pad(scene), new=True)
 
     def upload_scene(self, name: str, content: bytes) -> None:
         """Goes on with the scene of a file."""
-        self._edit(lambda _: uploads.read_scene(name, content, self._choices.robot))
+        self._edit(lambda scene: uploads.read_scene(name, content, self._choices.robot, scene), new=True)
 
     def upload_plan(self, name: str, content: bytes) -> None:
         """Shows the plan of a file instead of the first planner's, until something changes."""
@@ -130,6 +154,7 @@ class Session:
             find_planner(name)
         with self._lock:
             self._planners = planners
+            self._withdraw_plans()
             self._worker.submit("plan", self._plan)
 
     def ask(self, place: tuple[float, float] | None) -> None:
@@ -149,11 +174,13 @@ class Session:
         """Ends planning; False if a compilation goes on."""
         return self._worker.close() & self._maker.close()
 
-    def _edit(self, change: Callable[[NamedScene], NamedScene]) -> NamedScene:
+    def _edit(self, change: Callable[[NamedScene], NamedScene], *, new: bool = False) -> NamedScene:
         begin = time.perf_counter()
         with self._lock:
             self._scene, self._changed_s = change(self._scene), begin
-            self._screen.show_scene(self._scene)
+            self._screen.show_scene(self._scene, new=new)
+            if new:
+                self._withdraw_plans()
             self._worker.submit("plan", self._plan)
             if self._asked is not None:
                 self._worker.submit("ask", self._answer)
@@ -163,7 +190,7 @@ class Session:
         """Plans by every chosen planner; the second waits while the scene is still being changed."""
         with self._lock:
             scene, names, since = self._scene, self._planners, self._changed_s
-        plans: list[Shown] = [Awaited(name) for name in names]
+        plans: list[Shown] = [Awaited(name, keep=True) for name in names]
         for index, name in enumerate(names):
             if index and self._worker.is_waiting("plan"):
                 return
@@ -174,8 +201,12 @@ class Session:
     def _answer(self) -> None:
         place, scene = self._asked, self._scene
         if place is not None:
-            answer = asking.ask(scene, place, self._choices.grid, self._choices.world.pick)
+            answer = asking.ask(scene, place, self._choices.grid, self._choices.world)
             self._tell(lambda: self._screen.show_answer(answer))
+
+    def _withdraw_plans(self) -> None:
+        """Until there are new ones, which may take a minute, none is shown as if it were of this scene."""
+        self._publish(tuple(Awaited(name) for name in self._planners))
 
     def _report(self, error: Exception) -> None:
         """Of an error that nobody foresaw: the page goes on, the terminal has its trace."""

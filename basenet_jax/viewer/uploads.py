@@ -8,19 +8,21 @@ from basenet_jax.task.plan import Plan
 from basenet_jax.task.plan_file import load_plan, save_plan
 from basenet_jax.viewer.editing import pad
 from basenet_jax.viewer.planned import Planned
+from basenet_jax.world.occupancy_map import OccupancyMap
 from basenet_jax.world.scene import NamedScene
 from basenet_jax.world.scene_file import load_scene, save_scene
 
 _SHOWN = 60  # letters of a file's name in messages
 
 
-def read_scene(name: str, content: bytes, robot: str | None = None) -> NamedScene:
-    """The scene of an uploaded file, padded. The file can name packaged robots only, never a file to read.
+def read_scene(name: str, content: bytes, robot: str | None = None, before: NamedScene | None = None) -> NamedScene:
+    """The scene of an uploaded file, padded. It can name packaged robots and the map that is shown, no file to read.
 
     Args:
         name: of the file; JSON if it ends in `.json`, else YAML.
         content: its bytes.
         robot: of the command line, to use instead of the one that the file names.
+        before: the scene that is shown, whose map the file may name.
 
     Raises:
         ValueError: it holds no valid scene; the message is the loader's.
@@ -29,7 +31,7 @@ def read_scene(name: str, content: bytes, robot: str | None = None) -> NamedScen
         path = Path(folder) / ("scene.json" if name.lower().endswith(".json") else "scene.yaml")
         path.write_bytes(content)
         try:
-            return pad(load_scene(path, robot=robot))
+            return pad(load_scene(path, robot=robot, maps=_maps(before)))
         except ValueError as error:
             raise _named(error, path, name) from None
 
@@ -53,7 +55,7 @@ def scene_file(scene: NamedScene) -> bytes:
     """A scene as the content of a YAML file."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "scene.yaml"
-        save_scene(path, scene)
+        save_scene(path, scene, maps=_maps(scene))
         return path.read_bytes()
 
 
@@ -72,6 +74,13 @@ def plan_file(planned: Planned) -> bytes:
             world=planned.world,
         )
         return path.read_bytes()
+
+
+def _maps(scene: NamedScene | None) -> dict[str, OccupancyMap]:
+    """The map of a scene, by the name that its file gives it."""
+    if scene is None or scene.map is None or scene.furniture is None or not isinstance(scene.furniture.map, str):
+        return {}
+    return {scene.furniture.map: scene.map}
 
 
 def _named(error: ValueError, path: Path, name: str) -> ValueError:

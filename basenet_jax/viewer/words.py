@@ -11,16 +11,16 @@ from basenet_jax.viewer.asking import Answer
 from basenet_jax.viewer.planned import Awaited, Planned, Refused, Shown
 
 REASONS = {
-    Reason.BASE_COLLIDES: "the base would touch the table or its margin",
+    Reason.BASE_COLLIDES: "the base would touch something or its margin, or leave the floor",
     Reason.OUT_OF_REACH: "out of the arm's reach",
     Reason.NO_STRAIGHT_DESCENT: "the arm can't come down straight onto it",
-    Reason.ARM_COLLIDES: "the arm would touch the table or the robot's body",
+    Reason.ARM_COLLIDES: "the arm would touch something, or the robot's body",
     Reason.UNREACHABLE: "there is no way to drive to where it could be picked",
     Reason.NOT_EXECUTED: "the plan ended before it",
 }
-HELP = """<b>Drag</b> objects, or the robot where it starts. <b>Click</b> one to turn it by the ring about it, or to
-remove it. <b>Click the floor</b> to ask what can be picked from there. Drag elsewhere to look around, scroll to come
-nearer."""
+HELP = """<b>Drag</b> objects, furniture, or the robot where it starts. <b>Click</b> one to turn it by the ring about
+it, or to remove it. <b>Click the floor</b> to ask what can be picked from there. Drag elsewhere to look around, scroll
+to come nearer."""
 START = "the robot's start"
 NOTHING = "nothing"
 NOT_GRASPED = "not grasped"
@@ -77,17 +77,35 @@ def answer(found: Answer) -> str:
     x, y, heading = found.base_pose
     where = f"From ({x:.2f}, {y:.2f}) m"
     if found.collides:
-        return paragraph(f"{where} nothing: at every heading tried the base would touch the table or its margin.")
+        return paragraph(f"{where} nothing: at every heading tried the base would {_trouble(found)}.")
     turned = f"{np.degrees(heading):.0f}°"
     rows = "".join(
         f'<tr><td style="padding-right:10px">{escape(name)}</td>'
         f'<td style="color:{"inherit" if time is not None else FAILED}">'
-        f"{f'{time:.1f} s' if time is not None else REASONS[reason]}</td></tr>"
+        f"{f'{time:.1f} s' if time is not None else escape(_why(found, name, reason))}</td></tr>"
         for name, time, reason in zip(found.names, found.times, found.reasons, strict=True)
     )
     best = f"{where}, heading {turned}, the best of those tried: {found.count} of {len(found.names)} objects."
     head = best if found.count else f"{where} nothing, at any heading tried:"
-    return paragraph(head) + f'<table style="{_SMALL};border-collapse:separate">{rows}</table>'
+    note = "" if found.way else paragraph("There is no way for the base to get there from its start.", color=FAILED)
+    return paragraph(head) + note + f'<table style="{_SMALL};border-collapse:separate">{rows}</table>'
+
+
+def _trouble(found: Answer) -> str:
+    """What keeps the base from standing somewhere."""
+    if not found.on_floor:
+        return "leave the floor"
+    margins = "its margin" if len(found.at_base) == 1 else "their margins"
+    return f"touch {_listed(found.at_base, 'or')} or {margins}"
+
+
+def _why(found: Answer, name: str, reason: Reason) -> str:
+    boxes = found.in_the_way.get(name, ())
+    return f"the arm would touch {_listed(boxes, 'or')}" if boxes else REASONS[reason]
+
+
+def _listed(names: Sequence[str], last: str) -> str:
+    return ", ".join(names[:-1]) + f" {last} " + names[-1] if len(names) > 1 else names[0]
 
 
 def duration(seconds: float) -> str:

@@ -11,6 +11,7 @@ from basenet_jax.world.boxes import UNBOUNDED, Boxes, Room, pad
 
 MAX_BOXES = 256  # that are written; a map's come on top
 _FEWEST = 16  # boxes, with those that pad; more are padded to powers of two, so that rooms share programs
+MAP = "map"  # what all boxes of a map are called
 FLAT_M = 0.01  # height of boxes that say nothing of heights: on the floor, any box blocks the base
 
 # Bounds far beyond any real room, within which float32 keeps tenths of a millimetre and milliradians.
@@ -83,7 +84,7 @@ def furnish(furniture: Furniture, map_boxes: Boxes | None = None) -> tuple[Room,
     boxes, names = written_boxes(furniture)
     if map_boxes is not None:
         boxes = jax.tree.map(lambda *parts: np.concatenate(parts), boxes, map_boxes)
-        names += ["map"] * len(map_boxes.low)
+        names += [MAP] * len(map_boxes.low)
     if furniture.drives != "point" or len(names) > 1:
         boxes = pad(boxes, max(_FEWEST, 1 << (len(names) - 1).bit_length()))
     floor = UNBOUNDED if isinstance(furniture.floor, UnsetType) else furniture.floor

@@ -9,9 +9,9 @@ from msgspec import UNSET, UnsetType
 from basenet_jax.config import PickConfig
 from basenet_jax.documents.fields import describe, field_error, shortest
 from basenet_jax.robot.model import Robot
-from basenet_jax.world.boxes import Room, blocks
+from basenet_jax.world.boxes import Boxes, Room, blocks
 from basenet_jax.world.footprints import extent, rectangle_gaps, within
-from basenet_jax.world.furniture import MAX_BOXES, WallFields, written_boxes
+from basenet_jax.world.furniture import MAX_BOXES, Furniture, WallFields, written_boxes
 from basenet_jax.world.grasp_fields import size_of
 from basenet_jax.world.room_fields import ALLOWED, DRIVES, RoomFields
 from basenet_jax.world.scene_checks import check_apart, check_kind, check_names
@@ -75,9 +75,8 @@ def check_objects(room: RoomFields) -> None:
     own_size = np.array([item.class_ is UNSET for item in objects])
     check_apart([item.name for item in objects], Footprints(pose, size, own_size), beside)
     boxes, names = written_boxes(room)
-    meets = boxes.blocks_arm & (boxes.low < top[:, None] - _TOLERANCE_M) & (boxes.high > bottom[:, None] + _TOLERANCE_M)
-    inside = meets & within(pose[:, :2], boxes.pose, boxes.half_size, -_TOLERANCE_M)
-    for index, box in np.argwhere(inside)[:1]:
+    if inside := object_inside(pose, bottom, top, boxes):
+        index, box = inside
         found = f"{describe(list(objects[index].pose))}, inside {describe(names[box])}"
         raise field_error(f"objects[{index}].pose", found, "are poses outside of other boxes")
 
@@ -94,17 +93,59 @@ def check_start(start: Float[np.ndarray, "3"], robot: Robot, room: Room, names: 
     Raises:
         DocumentError: the message names the box.
     """
-    rule, boxes = PickConfig(), room.boxes
-    footprint = np.asarray(robot.footprint_half_size, float)
-    reach = extent(start, footprint)
-    if np.any(reach[:2] < room.floor[:2] - _ROUNDING_M) or np.any(reach[2:] > room.floor[2:] + _ROUNDING_M):
+    if not stays_on_floor(start, robot, room):
         found = f"{start.tolist()}, where the base of {robot.name} leaves the floor"
         raise field_error("robot.start", found, f"are poses with all of it inside {shortest(room.floor)}")
-    gap = rectangle_gaps(start[None], footprint[None], boxes.pose, boxes.half_size + rule.base_clearance_m)[0]
-    body_top = float(robot.body_center[2] + robot.body_half_size[2])
-    for box in np.flatnonzero(blocks(boxes, body_top) & (gap <= rule.touching_m))[:1]:
+    rule = PickConfig()
+    for box in boxes_at_base(start, robot, room, rule)[:1]:
         found = f"{start.tolist()}, where the base of {robot.name} touches {describe(names[box])} or its margin"
         raise field_error("robot.start", found, f"are poses more than {rule.base_clearance_m} m clear of it")
+
+
+def stays_on_floor(base_pose: Float[np.ndarray, "3"], robot: Robot, room: Room) -> bool:
+    """Whether the footprint of a base at (x, y, heading) in W is within the floor's bounds."""
+    reach = extent(base_pose, np.asarray(robot.footprint_half_size, float))
+    return bool(np.all(reach[:2] >= room.floor[:2] - _ROUNDING_M) and np.all(reach[2:] <= room.floor[2:] + _ROUNDING_M))
+
+
+def boxes_at_base(
+    base_pose: Float[np.ndarray, "3"], robot: Robot, room: Room, rule: PickConfig = PickConfig()
+) -> Int[np.ndarray, " K"]:
+    """The boxes that a base touches, or whose margin it does, at (x, y, heading) in W; of a room on the host."""
+    boxes, footprint = room.boxes, np.asarray(robot.footprint_half_size, float)
+    gap = rectangle_gaps(base_pose[None], footprint[None], boxes.pose, boxes.half_size + rule.base_clearance_m)[0]
+    body_top = float(robot.body_center[2] + robot.body_half_size[2])
+    return np.flatnonzero(blocks(boxes, body_top) & (gap <= rule.touching_m))
+
+
+def object_inside(
+    pose: Float[np.ndarray, "N 3"], bottom: Float[np.ndarray, " N"], top: Float[np.ndarray, " N"], boxes: Boxes
+) -> tuple[int, int] | None:
+    """An object and a box that it stands inside of, or None.
+
+    Args:
+        pose: of the objects, (x, y, yaw) in W.
+        bottom: height (m) of what they stand on, and
+        top: of their upper sides.
+        boxes: B of them, on the host.
+    """
+    meets = boxes.blocks_arm & (boxes.low < top[:, None] - _TOLERANCE_M) & (boxes.high > bottom[:, None] + _TOLERANCE_M)
+    inside = np.argwhere(meets & within(pose[:, :2], boxes.pose, boxes.half_size, -_TOLERANCE_M))
+    return (int(inside[0, 0]), int(inside[0, 1])) if len(inside) else None
+
+
+def surface_overlap(furniture: Furniture) -> tuple[int, int] | None:
+    """A surface and another one, or a piece of a wall, that overlap: their numbers among `written_boxes`; or None."""
+    boxes, names = written_boxes(furniture)
+    surfaces, behind_walls = len(furniture.surfaces), len(names) - len(furniture.keep_out)
+    walls = np.arange(surfaces + len(furniture.obstacles), behind_walls)
+    others = np.concatenate([np.arange(surfaces), walls])  # obstacles may stand on surfaces, or in them
+    gap = rectangle_gaps(boxes.pose[:surfaces], boxes.half_size[:surfaces], boxes.pose[others], boxes.half_size[others])
+    level = np.minimum(boxes.high[:surfaces, None], boxes.high[others])
+    level -= np.maximum(boxes.low[:surfaces, None], boxes.low[others])
+    overlap = (gap < -_TOLERANCE_M) & (level > _TOLERANCE_M) & ~np.tri(surfaces, len(others), dtype=bool)
+    found = np.argwhere(overlap)
+    return (int(found[0, 0]), int(others[found[0, 1]])) if len(found) else None
 
 
 def _check_wall(wall: WallFields, path: str) -> None:
@@ -120,16 +161,10 @@ def _check_surfaces(room: RoomFields) -> None:
             found = f"{surface.thickness}, so that its underside is below the floor"
             allowed = f"is up to its height, {surface.height} m, or no such key where it is solid to the floor"
             raise field_error(f"surfaces[{index}].thickness", found, allowed)
-    boxes, names = written_boxes(room)
-    surfaces, behind_walls = len(room.surfaces), len(names) - len(room.keep_out)
-    walls = np.arange(surfaces + len(room.obstacles), behind_walls)
-    others = np.concatenate([np.arange(surfaces), walls])  # obstacles may stand on surfaces, or in them
-    gap = rectangle_gaps(boxes.pose[:surfaces], boxes.half_size[:surfaces], boxes.pose[others], boxes.half_size[others])
-    level = np.minimum(boxes.high[:surfaces, None], boxes.high[others])
-    level -= np.maximum(boxes.low[:surfaces, None], boxes.low[others])
-    overlap = (gap < -_TOLERANCE_M) & (level > _TOLERANCE_M) & ~np.tri(surfaces, len(others), dtype=bool)
-    for index, other in np.argwhere(overlap)[:1]:
-        second = f"{f'surfaces[{other}]' if other < surfaces else 'a wall'} ({describe(names[others[other]])})"
+    if overlap := surface_overlap(room):
+        index, other = overlap
+        name = describe(written_boxes(room)[1][other])
+        second = f"surfaces[{other}] ({name})" if other < len(room.surfaces) else f"a wall ({name})"
         found = f"{describe(list(room.surfaces[index].pose))}, where it overlaps {second}"
         raise field_error(f"surfaces[{index}].pose", found, "are poses clear of other surfaces and of walls")
 

@@ -1,7 +1,9 @@
 """Rooms' scene files, `basenet-scene/2`, as scenes and back."""
 
 import dataclasses
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import jax
@@ -13,24 +15,29 @@ from basenet_jax.documents.fields import convert, describe, shortest
 from basenet_jax.robot.reading import load_robot, robot_name
 from basenet_jax.world.boxes import Room
 from basenet_jax.world.footprints import within
-from basenet_jax.world.furniture import Furniture, SurfaceFields, furnish
+from basenet_jax.world.furniture import MAP, Furniture, SurfaceFields, furnish
 from basenet_jax.world.grasp_fields import grasp_document, read_grasps, size_of
 from basenet_jax.world.grasps import of_objects
-from basenet_jax.world.occupancy_map import check_on_map, map_boxes, read_map
+from basenet_jax.world.occupancy_map import OccupancyMap, check_on_map, map_boxes, read_map
 from basenet_jax.world.room_checks import check_furniture, check_objects, check_start, surfaces_under
 from basenet_jax.world.room_fields import ALLOWED, ROOM_FORMAT, RoomFields, RoomObjectFields
 from basenet_jax.world.scene import NamedScene, Scene
 from basenet_jax.world.scene_checks import choose_robot
 from basenet_jax.world.scene_fields import CLASSES, RobotFields, class_of
 
+NO_MAPS: Mapping[str, OccupancyMap] = MappingProxyType({})
 
-def read_room(document: Any, folder: Path, robot: str | None = None) -> NamedScene:
+
+def read_room(
+    document: Any, folder: Path, robot: str | None = None, maps: Mapping[str, OccupancyMap] = NO_MAPS
+) -> NamedScene:
     """A room's document as a scene, with every check that planning needs.
 
     Args:
         document: of `read_yaml` or `read_json`.
         folder: of the file, in which its map is.
         robot: as for `load_scene`.
+        maps: as for `load_scene`.
 
     Raises:
         DocumentError: it isn't a valid room.
@@ -39,13 +46,15 @@ def read_room(document: Any, folder: Path, robot: str | None = None) -> NamedSce
     fields = convert(document, RoomFields, format_name=ROOM_FORMAT, allowed=ALLOWED)
     check_furniture(fields)
     check_objects(fields)
-    occupancy, start = None if isinstance(fields.map, UnsetType) else read_map(fields.map, folder), fields.robot.start
+    occupancy, start = None, fields.robot.start
+    if not isinstance(fields.map, UnsetType):
+        occupancy = maps[fields.map] if fields.map in maps else read_map(fields.map, folder)
     room, names = furnish(fields, None if occupancy is None else map_boxes(occupancy))
     reference = choose_robot(fields.robot, robot)
     if occupancy is not None:
         check_on_map(np.array(start), occupancy)
     check_start(np.array(start), load_robot(reference), room, names)
-    return room_scene(fields, room, names, reference, folder)
+    return dataclasses.replace(room_scene(fields, room, names, reference, folder), map=occupancy)
 
 
 def room_scene(
@@ -112,7 +121,7 @@ def _check_same(room: Room, furniture: Furniture, names: tuple[str, ...]) -> Non
     written, written_names = furnish(furniture)
     count = len(written_names)
     own, wanted = (jax.tree.map(lambda x: x[:count], each.boxes) for each in (room, written))
-    same = names[:count] == written_names and set(names[count:]) <= {"map"}
+    same = names[:count] == written_names and set(names[count:]) <= {MAP}
     leaves = (jax.tree.leaves((boxes, floor)) for boxes, floor in ((own, room.floor), (wanted, written.floor)))
     if not same or not all(map(np.array_equal, *leaves)):
         raise ValueError("room: found boxes or a floor changed in the arrays, allowed are those of its furniture")

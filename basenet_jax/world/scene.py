@@ -13,6 +13,7 @@ from basenet_jax.config import MAX_OBJECTS as MAX_OBJECTS
 from basenet_jax.world.boxes import Boxes, Room
 from basenet_jax.world.furniture import Furniture
 from basenet_jax.world.grasps import Grasps, from_the_side, in_world, of_class, together
+from basenet_jax.world.occupancy_map import OccupancyMap
 
 SIDE_BACK_M = 0.25  # of tool0 from an object's axis where it is held from the side: the gripper's tip is on the axis
 
@@ -99,7 +100,7 @@ class NamedScene:
     robot: str = "ur5e_mobile"  # a packaged one's name, or the path of a robot file
     written_for: str | None = None  # the robot that its file names, where another one is to be used
     box_names: tuple[str, ...] = ("table",)  # of the room's boxes; those beyond only pad
-    furniture: Furniture | None = (
-        None  # what the room was made of, and by which rules one plans; None: the paper's world
-    )
+    # What the room was made of, and by which rules one plans; None: the paper's world.
+    furniture: Furniture | None = None
     kept_grasps: tuple[tuple[int, ...], ...] | None = None  # of each object, in the order of its file; None: all
+    map: OccupancyMap | None = None  # whose closed cells are among the boxes

@@ -1,6 +1,7 @@
 """Scene files: what a user writes, `basenet-scene/1` here and rooms in `room_file`, with every check planning needs."""
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,9 @@ from basenet_jax.documents.text_files import read_json, read_yaml, to_json
 from basenet_jax.documents.yaml_text import to_yaml
 from basenet_jax.robot.reading import robot_name
 from basenet_jax.world.grasps import Grasps, of_class
+from basenet_jax.world.occupancy_map import OccupancyMap
 from basenet_jax.world.room_fields import ROOM_FORMAT
-from basenet_jax.world.room_file import read_room, room_document
+from basenet_jax.world.room_file import NO_MAPS, read_room, room_document
 from basenet_jax.world.scene import NamedScene, Scene
 from basenet_jax.world.scene_checks import check_scene
 from basenet_jax.world.scene_fields import (
@@ -38,13 +40,16 @@ class SceneFileError(ValueError):
     """A file that holds no valid scene; the message names the file, the field, what was found and what is allowed."""
 
 
-def load_scene(path: str | os.PathLike[str], *, robot: str | None = None) -> NamedScene:
+def load_scene(
+    path: str | os.PathLike[str], *, robot: str | None = None, maps: Mapping[str, OccupancyMap] = NO_MAPS
+) -> NamedScene:
     """Reads a scene file, YAML or (by the name's end `.json`) JSON, of at most 64 KiB or 1 MiB.
 
     Args:
         path: of the file.
         robot: to use instead of the one that the file names: a packaged one's name, or the path of a robot file. Its
             base has to be clear of the table at the scene's start.
+        maps: that needn't lie beside the file, by the names that it may give them.
 
     Returns:
         The scene in float32, with as many slots as objects, in the file's order.
@@ -56,7 +61,7 @@ def load_scene(path: str | os.PathLike[str], *, robot: str | None = None) -> Nam
     try:
         document = read_json(path) if _is_json(path) else read_yaml(path)
         if isinstance(document, dict) and document.get("format") == ROOM_FORMAT:
-            return read_room(document, Path(path).parent, robot)
+            return read_room(document, Path(path).parent, robot, maps)
         fields = convert(document, SceneFields, format_name=FORMAT, allowed=ALLOWED)
         reference = check_scene(fields, robot)
     except DocumentError as error:
@@ -64,11 +69,16 @@ def load_scene(path: str | os.PathLike[str], *, robot: str | None = None) -> Nam
     return _from_fields(fields, reference)
 
 
-def save_scene(path: str | os.PathLike[str], scene: NamedScene) -> None:
+def save_scene(path: str | os.PathLike[str], scene: NamedScene, *, maps: Mapping[str, OccupancyMap] = NO_MAPS) -> None:
     """Writes a scene file that `load_scene` reads back to the same float32 values; whole or not at all.
 
     YAML, or JSON where the name ends in `.json`. An object whose size or grasp differs from its class's is written
     with its own size and grasp, without class.
+
+    Args:
+        path: of the file.
+        scene: to write.
+        maps: as for `load_scene`; any other has to lie beside the file.
 
     Raises:
         SceneFileError: the scene isn't a valid one (say, objects overlap); nothing is written.
@@ -80,7 +90,7 @@ def save_scene(path: str | os.PathLike[str], scene: NamedScene) -> None:
             check_scene(convert(data, SceneFields, format_name=FORMAT, allowed=ALLOWED), scene.robot)
         else:
             data = room_document(scene)
-            read_room(data, Path(path).parent, scene.robot)
+            read_room(data, Path(path).parent, scene.robot, maps)
     except ValueError as error:
         raise SceneFileError(f"{path}: {error}") from None
     write_atomically(path, to_json(data) if _is_json(path) else to_yaml(data))

@@ -6,7 +6,7 @@ import pytest
 
 from basenet_jax.robot.kinematics import forward_kinematics
 from basenet_jax.viewer.bodies import Bodies
-from basenet_jax.viewer.execution import Execution, placed_on_table
+from basenet_jax.viewer.execution import Execution, placed_on_surface
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +50,7 @@ def test_every_geom_that_is_drawn_has_a_mesh(bodies):
 def test_objects_stand_on_the_table_until_they_are_taken(planned, execution, grasps):
     for time in (0.0, grasps[0][0] - 1e-3):
         for slot, name in enumerate(planned.scene.names):
-            close(execution.objects_at(time)[name], placed_on_table(planned.scene.arrays, slot))
+            close(execution.objects_at(time)[name], placed_on_surface(planned.scene.arrays, slot))
 
 
 def test_the_gripper_takes_an_object_along_without_a_jump(planned, execution, bodies, grasps):

@@ -248,7 +248,7 @@ def test_objects_are_added_and_removed_and_nothing_compiles_again(viewer, page):
     wait_for(lambda: viewer.session.scene.names == ("mug_1", "mug_2", "cracker_box_1"))
     assert viewer.session.wait_idle(WATCHDOG_S)
     shows(page, ["3 of 3"])
-    page.get_by_role("button", name="Remove the selected object").click()
+    page.get_by_role("button", name="Remove what is selected").click()
     wait_for(lambda: viewer.session.scene.names == ("mug_1", "mug_2"))
     shows(page, ["2 of 2"])
     assert viewer.session.wait_idle(WATCHDOG_S)
@@ -309,7 +309,7 @@ def test_standing_still_the_server_sends_nothing(viewer, page, monkeypatch):
     monkeypatch.setattr(ServerConnection, "send", count)
     page.wait_for_timeout(1_000)  # of watching
     assert not sent
-    viewer.session.move_start(np.array([-2.0, -1.0, 0.3]))
+    viewer.session.move(None, np.array([-2.0, -1.0, 0.3]))
     assert viewer.session.wait_idle(WATCHDOG_S)
     wait_for(lambda: sent)
 

@@ -20,10 +20,11 @@ class Screen:
     """Keeps all that it is told."""
 
     def __init__(self):
-        self.scenes, self.plans, self.answers, self.texts = [], [], [], []
+        self.scenes, self.new, self.plans, self.answers, self.texts = [], [], [], [], []
 
-    def show_scene(self, scene):
+    def show_scene(self, scene, *, new):
         self.scenes.append(scene)
+        self.new.append(new)
 
     def show_plans(self, plans):
         self.plans.append(plans)
@@ -87,7 +88,7 @@ def session(scene, screen):
 
 
 def move(session, x):
-    session.move_object("mug_1", np.array([x, -0.2, 0.0]))
+    session.move("mug_1", np.array([x, -0.2, 0.0]))
 
 
 def test_it_begins_with_a_plan(session, screen, scene):
@@ -114,7 +115,7 @@ def test_a_change_is_shown_at_once_and_planned(session, screen, gate):
 def test_a_refused_change_changes_nothing(session, screen, called):
     scene, count = session.scene, len(called)
     with pytest.raises(ValueError, match="mug_2 does"):
-        session.move_object("mug_1", scene.arrays.object_pose[1])
+        session.move("mug_1", scene.arrays.object_pose[1])
     assert session.wait_idle(WATCHDOG_S)
     assert session.scene is scene
     assert len(called) == count
@@ -168,7 +169,7 @@ def test_an_unknown_planner_is_refused(session):
 
 def test_objects_come_and_go(session):
     assert session.add_object("mug") == "mug_3"
-    session.remove_object("mug_1")
+    session.remove("mug_1")
     assert session.wait_idle(WATCHDOG_S)
     assert session.scene.names == ("mug_2", "mug_3")
     assert session.plans[0].scene is session.scene
@@ -204,7 +205,7 @@ def test_a_question_is_answered_anew_after_every_change(session, screen):
     session.ask((0.35, -0.9))
     assert session.wait_idle(WATCHDOG_S)
     assert screen.answers[-1].count == 2
-    session.move_object("mug_1", np.array([-0.9, 0.3, 0.0]))
+    session.move("mug_1", np.array([-0.9, 0.3, 0.0]))
     assert session.wait_idle(WATCHDOG_S)
     assert screen.answers[-1].count == 1
     session.ask(None)
