@@ -20,13 +20,13 @@ class Arguments(PlannerArguments):
 
     Ctrl-C ends it. The page shows table or room, objects, robot, the plan on the floor with its navigation time N and
     grasping time G, and why objects can't be picked; scene and plan files can be opened and saved there. It is for
-    people you trust: whoever reaches the address can use it. Exit codes: 0 ended, 2 bad input.
+    people you trust: whoever has the link can use it. Exit codes: 0 ended, 2 bad input.
     """
 
     scene: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[SCENE]")] = None
     """Scene file, YAML or JSON. Default: a random scene."""
     host: str = "127.0.0.1"
-    """Address to serve on; 0.0.0.0 for all of this machine's."""
+    """Address to serve on; 0.0.0.0 for all of this machine's. Others than this machine's own need the printed link."""
     port: int = 8080
     """Port to serve on, 0 to 65535; 0 for any free one."""
     planner: str = "basenet"
@@ -74,6 +74,7 @@ def _view(options: Arguments) -> int:
     from basenet_jax.viewer.app import Viewer, check_address
     from basenet_jax.viewer.editing import pad
     from basenet_jax.viewer.planned import Choices, planner_for
+    from basenet_jax.viewer.serving import is_loopback
     from basenet_jax.world.generate_rooms import draw_room
     from basenet_jax.world.scene_file import load_scene
 
@@ -99,6 +100,11 @@ def _view(options: Arguments) -> int:
         return _fail(2, str(error))
     if scene.written_for:
         print(f"basenet_jax.view: {options.scene} names the robot {scene.written_for}, not this", file=sys.stderr)
+    if not is_loopback(options.host):
+        warning = (
+            f"--host {options.host}: whoever has this link, in any network from which it is reached, can use the page"
+        )
+        print(f"basenet_jax.view: {warning}", file=sys.stderr)
     viewer = Viewer(scene, choices, host=options.host, port=options.port, seed=options.seed)
     print(f"basenet_jax.view: {viewer.url} (Ctrl-C ends it)", flush=True)
     try:

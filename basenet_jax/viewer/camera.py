@@ -15,6 +15,7 @@ _HIGH_M = 1.2  # up to which things stand that are to be seen whole
 _LOWEST_M = 0.1  # of the camera over the floor
 _NEAREST_M, _FARTHEST_M = 1.0, 1e4
 _HALVINGS = 40
+_SAME_M = 0.01  # what rounding on the way to a page and back may take
 _WINDOW = (1280.0, 800.0)  # pixels
 
 
@@ -36,7 +37,7 @@ class Cameras:
         """Has all pages look at another scene."""
         self._set_first(scene)
         for client in self._server.get_clients().values():
-            self._show_all(client)
+            self._show_all(client.camera)
 
     def _set_first(self, scene: NamedScene) -> None:
         """What a page has before the size of its window is known, and goes back to."""
@@ -46,15 +47,24 @@ class Cameras:
 
     async def _welcome(self, client: viser.ClientHandle) -> None:
         client.camera.on_update(_stay_above)
-        if np.allclose(client.camera.position, self._first, atol=1e-3):  # else somebody has looked around already
-            self._show_all(client)
+        client.camera.on_update(self._fit)
 
-    def _show_all(self, client: viser.ClientHandle) -> None:
-        camera = client.camera
-        place, middle = whole_scene(self._scene, float(camera.image_width), float(camera.image_height))
-        with client.atomic():
+    async def _fit(self, camera: viser.CameraHandle) -> None:
+        """Shows all to a page that is new, or goes back to how it was; its camera is the first one then."""
+        place, _ = self._whole_scene(camera)
+        if np.allclose(camera.position, self._first, atol=_SAME_M) and not np.allclose(
+            place, self._first, atol=_SAME_M
+        ):
+            self._show_all(camera)
+
+    def _show_all(self, camera: viser.CameraHandle) -> None:
+        place, middle = self._whole_scene(camera)
+        with camera.client.atomic():
             camera.position = place
             camera.look_at = middle
+
+    def _whole_scene(self, camera: viser.CameraHandle) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+        return whole_scene(self._scene, float(camera.image_width), float(camera.image_height))
 
 
 def whole_scene(

@@ -36,7 +36,7 @@ class Execution:
     """
 
     def __init__(self, planned: Planned, robot: Robot, bodies: Bodies):
-        self._planned, self._bodies = planned, bodies
+        self.planned, self._bodies = planned, bodies
         self._scene, self._motion = planned.scene.arrays, planned.motion
         feasible = np.flatnonzero(planned.outcome.feasible)
         self._picked = [int(planned.plan.object_index[step]) for step in feasible]
@@ -57,7 +57,7 @@ class Execution:
         """Pose of each object's centre, by name, at a time (s)."""
         base_pose, joints, held, done = self._motion.at(time)
         stowed, poses = self._picked[:done], {}
-        for slot, name in enumerate(self._planned.scene.names):
+        for slot, name in enumerate(self.planned.scene.names):
             if slot == held:
                 frame = self._bodies.tool(base_pose, joints) @ self._grip(slot)
             elif slot in stowed:

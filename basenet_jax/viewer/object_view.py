@@ -48,13 +48,16 @@ class ObjectViews:
         """What stands over each object; nothing over those that aren't named."""
         for name, handle in self._labels.items():
             handle.text = texts.get(name, "")
+            handle.visible = bool(handle.text)
 
     def _add(self, name: str, size: tuple[float, ...], kind: int) -> None:
         self._count += 1
         node = f"/objects/{self._count}"
         box = self._boxes[name] = self._scene.add_box(node, class_color(kind), np.array(size))
         height = size[2] / 2 + _ABOVE_M
-        label = self._scene.add_label(f"{node}/label", "", position=(0.0, 0.0, height), anchor="bottom-center")
+        label = self._scene.add_label(
+            f"{node}/label", "", position=(0.0, 0.0, height), anchor="bottom-center", visible=False
+        )
         self._labels[name] = label
         self._bind(box, name)
 

@@ -117,6 +117,7 @@ class Page:
                     view.show(*execution.robot_at(time_s))
             if (first := self._executions[0]) is not None:
                 self._objects.place(first.objects_at(time_s))
+                self._panel.show_doing(words.doing(first.planned, time_s))
             self._show_gizmo()
             self._panel.show_time(time_s, playing=self.timeline.playing)
 
@@ -148,6 +149,7 @@ class Page:
         for view in self._views:
             view.show(start, home)
         self._panel.show_time(0.0, playing=False)
+        self._panel.show_doing("")
 
     def _show_gizmo(self) -> None:
         target = self.selected

@@ -73,6 +73,12 @@ class Panel:
         self.time.value = round(time_s, 1)
         self.play.label = "Pause" if playing else "Play"
 
+    def show_doing(self, text: str) -> None:
+        """What the robot does now."""
+        if text:
+            self._doing.content = words.paragraph(text)
+        self._doing.visible = bool(text)
+
     def show_end(self, end_s: float) -> None:
         """How long the timeline is."""
         self.time.max = max(_STEP_S, round(end_s + _STEP_S / 2, 1))
@@ -87,6 +93,7 @@ class Panel:
     def _add_timeline(self) -> None:
         self.play = self._gui.add_button("Play")
         self.time = self._gui.add_slider("time (s)", 0.0, 1.0, _STEP_S, 0.0)
+        self._doing = self._gui.add_html("", visible=False)
         self.speed = self._gui.add_dropdown("speed", tuple(SPEEDS), initial_value="8 x faster")
 
     def _add_objects(self) -> None:

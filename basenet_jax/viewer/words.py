@@ -6,6 +6,7 @@ from html import escape
 import numpy as np
 
 from basenet_jax.plots.drawing import FAILED
+from basenet_jax.task.motion import Doing
 from basenet_jax.task.picking import Reason
 from basenet_jax.viewer.asking import Answer
 from basenet_jax.viewer.planned import Awaited, Planned, Refused, Shown
@@ -25,6 +26,7 @@ START = "the robot's start"
 NOTHING = "nothing"
 NOT_GRASPED = "not grasped"
 
+_ALONG = 0.99  # cosine of how far a straight piece may be askew and still go along the heading
 _SMALL = "font-size:0.85em;padding:2px 0.6em"
 _TABLE = "font-size:0.9em;margin:2px 0.5em;border-collapse:collapse"
 _ROWS = ("navigation N", "grasping G", "N + G", "grasped", "planned in")
@@ -82,7 +84,7 @@ def answer(found: Answer) -> str:
     rows = "".join(
         f'<tr><td style="padding-right:10px">{escape(name)}</td>'
         f'<td style="color:{"inherit" if time is not None else FAILED}">'
-        f"{f'{time:.1f} s' if time is not None else escape(_why(found, name, reason))}</td></tr>"
+        f"{f'{time:.1f} s' if time is not None else escape(_why(found, name, reason), quote=False)}</td></tr>"
         for name, time, reason in zip(found.names, found.times, found.reasons, strict=True)
     )
     best = f"{where}, heading {turned}, the best of those tried: {found.count} of {len(found.names)} objects."
@@ -95,6 +97,8 @@ def _trouble(found: Answer) -> str:
     """What keeps the base from standing somewhere."""
     if not found.on_floor:
         return "leave the floor"
+    if not found.at_base:
+        return "touch something or its margin"
     margins = "its margin" if len(found.at_base) == 1 else "their margins"
     return f"touch {_listed(found.at_base, 'or')} or {margins}"
 
@@ -106,6 +110,24 @@ def _why(found: Answer, name: str, reason: Reason) -> str:
 
 def _listed(names: Sequence[str], last: str) -> str:
     return ", ".join(names[:-1]) + f" {last} " + names[-1] if len(names) > 1 else names[0]
+
+
+def doing(planned: Planned, time_s: float) -> str:
+    """What the robot does at a time (s) of its plan; nothing when it is over."""
+    motion = planned.motion
+    key = int(np.searchsorted(motion.time, time_s, side="right")) - 1
+    if not 0 <= key < len(motion.parts):
+        return ""
+    part = motion.parts[key]
+    name = planned.scene.names[int(planned.plan.object_index[part.step])]
+    if part.doing not in (Doing.TURN, Doing.DRIVE):
+        return f"{name}: {part.doing}"
+    how = part.doing.value
+    if part.doing == Doing.DRIVE:
+        shift, heading = np.diff(motion.base_pose[key : key + 2, :2], axis=0)[0], motion.base_pose[key, 2]
+        along = float(shift @ (np.cos(heading), np.sin(heading))) / float(np.hypot(*shift))
+        how += " in reverse" if along < -_ALONG else "" if along > _ALONG else " sideways"
+    return f"to {name}: {how}"
 
 
 def duration(seconds: float) -> str:

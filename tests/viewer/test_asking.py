@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from basenet_jax.task.picking import Reason
-from basenet_jax.viewer import asking
+from basenet_jax.viewer import asking, furnishing
 from basenet_jax.viewer.asking import ask
 from basenet_jax.viewer.editing import add_object
 from tests.oracles.picking import pick
@@ -52,6 +52,29 @@ def test_where_one_heading_collides_and_nothing_can_be_picked_the_others_are_hea
     assert answer.reasons == (Reason.OUT_OF_REACH, Reason.OUT_OF_REACH)
     shown = pick(tuple(answer.base_pose), np.asarray(high.arrays.first_grasp[0], float))
     assert shown.reason == "out_of_reach", "the pose that is drawn collides"
+
+
+def test_in_rooms_it_is_said_which_box_is_in_the_way(room):
+    """The bench, the pillar, the floor's end; the lamp hangs over where the mug is reached for."""
+    assert ask(room, (2.0, 3.0)).at_base == ("bench",)
+    assert ask(room, (4.0, 3.0)).at_base == ("pillar",)
+    assert not ask(room, (0.1, 5.9)).on_floor
+    free = ask(room, (2.75, 3.3))
+    assert (free.times[0] is not None, free.way, free.in_the_way) == (True, True, {})
+    lamp = furnishing.pieces(room.furniture)["lamp"].boxes.start
+    low = np.array(room.arrays.room.boxes.low)
+    low[lamp] = 0.9
+    boxes = dataclasses.replace(
+        room.arrays.room.boxes,
+        low=low,
+        half_size=np.where(np.arange(16)[:, None] == lamp, 0.9, room.arrays.room.boxes.half_size),
+    )
+    lamp_low = dataclasses.replace(
+        room, arrays=dataclasses.replace(room.arrays, room=dataclasses.replace(room.arrays.room, boxes=boxes))
+    )
+    hindered = ask(lamp_low, (2.75, 3.3))
+    assert (hindered.times[0], hindered.reasons[0]) == (None, Reason.ARM_COLLIDES)
+    assert "lamp" in hindered.in_the_way["mug_1"]
 
 
 def test_another_scene_with_as_many_slots_compiles_nothing(scene):

@@ -10,9 +10,13 @@ import pytest
 from PIL import Image
 from playwright.sync_api import expect, sync_playwright
 
+from basenet_jax import api
+from basenet_jax.planners import registry
 from basenet_jax.planners.greedy_stops import greedy_stops
+from basenet_jax.planners.protocol import PlanningError
 from basenet_jax.task.plan import compiled_execute
 from basenet_jax.viewer.app import Viewer
+from basenet_jax.viewer.furnishing import pieces
 from basenet_jax.viewer.pointing import Target
 from basenet_jax.viewer.session import Choices
 from basenet_jax.world.scene_file import load_scene
@@ -276,6 +280,7 @@ def test_a_bad_file_gets_a_message(viewer, page, which, name, content, message):
     file = {"name": name, "mimeType": "application/octet-stream", "buffer": content}
     page.locator("input[type=file]").nth(which).set_input_files([file])
     expect(page.get_by_text(message)).to_be_visible()
+    expect(page.get_by_text("uploaded successfully")).to_be_hidden()
     assert viewer.session.scene is scene
 
 
@@ -297,6 +302,32 @@ def test_files_go_to_the_page_and_come_back(viewer, page, tmp_path):
     assert viewer.session.wait_idle(WATCHDOG_S)
 
 
+def test_nobody_else_is_told_of_an_upload(viewer, page, browser, errors):
+    """Nor how far it has come: broken off, it would grey everybody's button for good."""
+    page.locator("input[type=file]").nth(0).set_input_files(
+        [{"name": "mine.yaml", "mimeType": "application/yaml", "buffer": TEXT.encode()}]
+    )
+    wait_for(lambda: viewer.session.scene.names == ("mug_1", "part_7"))
+    shared = viewer.server._websock_server.get_message_buffer().message_from_id.values()
+    assert not any(type(message).__name__ == "FileTransferPartAck" for message in list(shared))
+    second = open_tab(browser, viewer, errors)
+    expect(second.get_by_text("mine.yaml")).to_be_hidden()
+    second.close()
+    wait_for(lambda: len(viewer.server.get_clients()) == 1)
+
+
+def test_why_something_isn_t_done_is_told_to_who_did_it_alone(viewer, page, browser, errors):
+    start = top_of(viewer, "mug_1")
+    end = np.array([*viewer.session.scene.arrays.object_pose[1, :2], start[2]])
+    drag(page, seen(viewer, page, start), seen(viewer, page, end))
+    expect(page.get_by_text("mug_1 can't stand there, mug_2 does")).to_be_visible()
+    viewer.page.select(None)  # the gizmo stands before what is waited for
+    second = open_tab(browser, viewer, errors)
+    expect(second.get_by_text("mug_1 can't stand there")).to_be_hidden()
+    second.close()
+    wait_for(lambda: len(viewer.server.get_clients()) == 1)
+
+
 def test_standing_still_the_server_sends_nothing(viewer, page, monkeypatch):
     from websockets.asyncio.server import ServerConnection
 
@@ -312,6 +343,57 @@ def test_standing_still_the_server_sends_nothing(viewer, page, monkeypatch):
     viewer.session.move(None, np.array([-2.0, -1.0, 0.3]))
     assert viewer.session.wait_idle(WATCHDOG_S)
     wait_for(lambda: sent)
+
+
+class Nothing:
+    """A planner of no plans, which compiles nothing."""
+
+    def __init__(self, *_):
+        pass
+
+    def __call__(self, scene, key):
+        raise PlanningError("nothing is planned here")
+
+
+def test_in_a_room_tables_carry_their_objects_and_objects_change_tables(browser, room, errors, monkeypatch):
+    monkeypatch.setattr(registry, "make_planner", Nothing)
+    api._planner.cache_clear()
+    viewer = Viewer(room, Choices((PLANNER,)))
+    try:
+        assert viewer.session.wait_idle(WATCHDOG_S)
+        tab = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
+        tab.set_default_timeout(1000 * WATCHDOG_S)
+        tab.on("pageerror", lambda error: errors.append(str(error)))
+        tab.goto(viewer.url)
+        expect(tab.get_by_text("nothing is planned here")).to_be_visible()
+        wait_until_still(tab)
+        bench, shelf = (pieces(room.furniture)[name].boxes.start for name in ("bench", "shelf_2"))
+
+        def arrays():
+            return viewer.session.scene.arrays
+
+        def drag_to(start, end, moved):
+            """Again, should not all have been drawn before."""
+            before = moved()
+            while np.allclose(moved(), before):
+                drag(tab, seen(viewer, tab, start), seen(viewer, tab, end))
+                wait_until_still(tab)
+                assert viewer.session.wait_idle(WATCHDOG_S)
+
+        corner = np.array([2.25, 2.35, 0.82])  # of the bench, where no object stands
+        drag_to(corner, corner + np.array([0.3, -0.2, 0.0]), lambda: arrays().room.boxes.pose[bench, :2])
+        shift = np.asarray(arrays().room.boxes.pose[bench, :2]) - (2.0, 3.1)
+        np.testing.assert_allclose(shift, (0.3, -0.2), atol=0.05)
+        np.testing.assert_allclose(arrays().object_pose[:2, :2], room.arrays.object_pose[:2, :2] + shift, atol=1e-3)
+
+        mug = np.array([*arrays().object_pose[0, :2], 0.82 + room.arrays.object_size[0, 2]])
+        drag_to(mug, [5.7, 0.4, mug[2] + 0.23], lambda: arrays().object_pose[0])
+        assert arrays().surface_height[0] == arrays().room.boxes.high[shelf]
+        np.testing.assert_allclose(arrays().object_pose[0, :2], (5.7, 0.4), atol=0.05)
+        tab.close()
+    finally:
+        assert viewer.close()
+        api._planner.cache_clear()
 
 
 def test_shadows_are_a_box_to_tick(viewer, page):

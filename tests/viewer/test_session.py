@@ -112,6 +112,23 @@ def test_a_change_is_shown_at_once_and_planned(session, screen, gate):
     assert session.last.shown_s - session.last.asked_s > 0.0
 
 
+def test_of_another_scene_no_old_plan_is_shown(session, screen, gate):
+    """Planning it may take a minute of compiling."""
+    gate.clear()
+    session.upload_scene("scene.yaml", TEXT.encode())
+    assert (screen.new[-1], screen.plans[-1], session.plans) == (True, (Awaited("basenet"),), (Awaited("basenet"),))
+    gate.set()
+    assert session.wait_idle(WATCHDOG_S)
+    assert isinstance(session.plans[0], Planned)
+    gate.clear()
+    move(session, -0.1)
+    assert not screen.new[-1]
+    assert isinstance(session.plans[0], Planned), "of what has hardly changed it stays until there is a new one"
+    session.choose("mbp")
+    assert session.plans == (Awaited("mbp"),)
+    gate.set()
+
+
 def test_a_refused_change_changes_nothing(session, screen, called):
     scene, count = session.scene, len(called)
     with pytest.raises(ValueError, match="mug_2 does"):
@@ -157,6 +174,7 @@ def test_the_second_planner_is_awaited_and_left_out_while_the_scene_changes(sess
     assert session.wait_idle(WATCHDOG_S)
     whole = [[type(plan) for plan in plans] for plans in screen.plans[shown:]]
     assert whole == [[Planned, Awaited], [Planned, Awaited], [Planned, Planned]]
+    assert all(plans[1].keep for plans in screen.plans[shown:-1])
 
 
 def test_an_unknown_planner_is_refused(session):

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from basenet_jax.task.motion import Doing
 from basenet_jax.task.picking import Reason
 from basenet_jax.viewer import words
 from basenet_jax.viewer.asking import Answer
@@ -56,9 +57,21 @@ def test_an_answer_has_a_time_or_a_reason_for_each_object():
 
 
 def test_where_the_base_collides_that_is_all_there_is_to_say():
-    answer = Answer(np.zeros(3), ("mug_1",), (None,), (Reason.BASE_COLLIDES,))
-    assert "the base would touch the table" in words.answer(answer)
+    answer = Answer(np.zeros(3), ("mug_1",), (None,), (Reason.BASE_COLLIDES,), at_base=("the table",))
+    assert "the base would touch the table or its margin" in words.answer(answer)
     assert "mug_1" not in words.answer(answer)
+
+
+def test_in_rooms_boxes_are_named():
+    """And no name becomes markup."""
+    collides = Answer(np.zeros(3), ("mug_1",), (None,), (Reason.BASE_COLLIDES,), at_base=("bench", HOSTILE))
+    assert "touch bench or &lt;img" in words.answer(collides)
+    beyond = Answer(np.zeros(3), ("mug_1",), (None,), (Reason.BASE_COLLIDES,), on_floor=False)
+    assert "the base would leave the floor" in words.answer(beyond)
+    lamps = {"mug_1": ("lamp", HOSTILE)}
+    touched = Answer(np.zeros(3), ("mug_1",), (None,), (Reason.ARM_COLLIDES,), in_the_way=lamps, way=False)
+    assert "the arm would touch lamp or &lt;img" in words.answer(touched)
+    assert "no way for the base to get there" in words.answer(touched)
 
 
 def test_where_nothing_can_be_picked_no_heading_is_called_the_best():
@@ -67,6 +80,27 @@ def test_where_nothing_can_be_picked_no_heading_is_called_the_best():
     assert "heading 29°" not in text
     assert "nothing, at any heading tried" in text
     assert words.REASONS[Reason.OUT_OF_REACH] in text
+
+
+def test_what_the_robot_does_is_said(planned):
+    time = planned.motion.time
+    said = [words.doing(planned, moment) for moment in (time[:-1] + time[1:]) / 2]
+    assert said[0] == "to mug_1: turn"
+    assert [each for each in said if "drive" in each]
+    assert [each for each in said if "close gripper" in each] == ["mug_1: close gripper", "mug_2: close gripper"]
+    assert words.doing(planned, float(time[-1]) + 1.0) == ""
+
+
+@pytest.mark.parametrize(
+    ("after", "text"), [((1.0, 1.0), "drive"), ((-1.0, -1.0), "drive in reverse"), ((-1.0, 1.0), "drive sideways")]
+)
+def test_which_way_it_drives_is_said(planned, after, text):
+    """Heading for the corner between x and y."""
+    poses = np.array([(0.0, 0.0, np.pi / 4), (*after, np.pi / 4)])
+    motion = planned.motion
+    part = next(each for each in motion.parts if each.doing == Doing.DRIVE)
+    drive = motion._replace(time=np.array([0.0, 2.0]), base_pose=poses, parts=(part,))
+    assert words.doing(dataclasses.replace(planned, motion=drive), 1.0) == f"to mug_1: {text}"
 
 
 def test_every_reason_has_words():
