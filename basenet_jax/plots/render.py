@@ -26,9 +26,18 @@ from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.world.mujoco_scene import PARKED, ROBOT, scene_model, state_addresses
 from basenet_jax.world.scene import Scene
 
-_ELEVATION = -32.0  # degrees, of the camera's axis
 _ALONG_THE_TABLE = 115.0  # degrees, the direction in which the video's camera looks
-_FOLLOWING = 0.4  # of the way from the table's centre to the base: where it looks at
+_FOLLOWING = 0.4  # of the way from the paper's table's centre to the base: where it looks at
+_BESIDE = 50.0  # degrees, from the robot to the camera of a still picture, seen from what is looked at
+
+
+class _View(NamedTuple):
+    """A camera: the place (m) that it looks at, from how far (m), towards where, and how steeply (degrees)."""
+
+    at: tuple[float, float]
+    distance: float
+    azimuth: float
+    elevation: float = -32.0
 
 
 class Video(NamedTuple):
@@ -72,9 +81,11 @@ def render_plan(
     painter = _Painter(robot, scene, plan, outcome)
     with _renderer(painter.model, width, height) as renderer:
         motion = plan_motion(robot, scene, plan, outcome, config)
-        taken = int(np.flatnonzero(motion.held == int(plan.object_index[step]))[0])
+        slot = int(plan.object_index[step])
+        taken = int(np.flatnonzero(motion.held == slot)[0])
         painter.set_time(motion, float(motion.time[taken]))
-        return painter.draw(renderer, _beside(motion.base_pose[taken]), distance=4.0)
+        at = np.asarray(scene.object_pose[slot, :2]) if _is_room(scene) else np.zeros(2)
+        return painter.draw(renderer, _beside(motion.base_pose[taken], at))
 
 
 def render_video(
@@ -103,15 +114,28 @@ def render_video(
         with _renderer(painter.model, width, height) as renderer:
             for time in times.tolist():
                 painter.set_time(motion, time)
-                x, y = _FOLLOWING * motion.at(time)[0][:2]
-                yield painter.draw(renderer, azimuth=_ALONG_THE_TABLE, distance=5.5, at=(x, y))
+                x, y = motion.at(time)[0][:2]
+                yield painter.draw(renderer, _following(x, y, _is_room(scene)))
 
     return Video(frames_per_s, len(times), frames())
 
 
-def _beside(base_pose: np.ndarray) -> float:
-    """Azimuth (degrees) of a camera that looks at the table from 50 degrees beside the robot."""
-    return float(np.degrees(np.arctan2(base_pose[1], base_pose[0]))) + 180.0 + 50.0
+def _is_room(scene: Scene) -> bool:
+    return scene.room.boxes.low.shape[-1] != 1
+
+
+def _beside(base_pose: np.ndarray, at: np.ndarray) -> _View:
+    """What a camera sees that looks at a place (x, y) from beside the robot."""
+    x, y = base_pose[:2] - at
+    azimuth = float(np.degrees(np.arctan2(y, x))) + 180.0 + _BESIDE
+    return _View((float(at[0]), float(at[1])), 4.0, azimuth)
+
+
+def _following(x: float, y: float, in_room: bool) -> _View:
+    """What the film's camera sees, the base being at (x, y): round the table, or over walls and shelves."""
+    if in_room:
+        return _View((x, y), 6.0, _ALONG_THE_TABLE, -48.0)
+    return _View((_FOLLOWING * x, _FOLLOWING * y), 5.5, _ALONG_THE_TABLE)
 
 
 class _Painter:
@@ -122,6 +146,9 @@ class _Painter:
         self.model, self._data = scene_model(robot, scene)
         self.model.geom("floor").size[:2] = 0.0  # without end, so that no black shows behind it
         self.model.light_diffuse[:], self.model.light_specular[:] = 0.35, 0.0
+        if _is_room(scene):  # a lamp over W's origin would leave the rest of it dark, and far shadows are streaks
+            self.model.light_type[:] = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+            self.model.light_castshadow[:] = False
         self._addresses = state_addresses(robot, self.model)
         self._tool = self._data.site(ROBOT + TOOL_SITE)
         self._body = {int(slot): index for index, slot in enumerate(np.flatnonzero(scene.mask))}
@@ -142,13 +169,11 @@ class _Painter:
         self._move(base_pose, joints)
         mujoco.mj_forward(self.model, self._data)
 
-    def draw(
-        self, renderer: mujoco.Renderer, azimuth: float, distance: float, at: tuple[float, float] = (0.0, 0.0)
-    ) -> np.ndarray:
-        """The image from a camera that looks at a place (m), from `distance` (m), towards `azimuth` (degrees)."""
+    def draw(self, renderer: mujoco.Renderer, view: _View) -> np.ndarray:
+        """The image from a camera."""
         camera = mujoco.MjvCamera()
-        camera.lookat[:] = (*at, 0.6)
-        camera.distance, camera.azimuth, camera.elevation = distance, azimuth, _ELEVATION
+        camera.lookat[:] = (*view.at, 0.6)
+        camera.distance, camera.azimuth, camera.elevation = view.distance, view.azimuth, view.elevation
         renderer.update_scene(self._data, camera)
         return renderer.render()
 
