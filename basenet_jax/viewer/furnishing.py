@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from basenet_jax.config import PickConfig
 from basenet_jax.plots.drawing import to_world
-from basenet_jax.viewer.editing import PlacementError, conflict, limits, pad, surfaces_of, what_is_at_start
+from basenet_jax.viewer.editing import PlacementError, conflict, keep_objects, limits, surfaces_of, what_is_at_start
 from basenet_jax.world.footprints import in_frame, rectangle_gaps
 from basenet_jax.world.furniture import (
     MAX_BOXES,
@@ -27,7 +27,7 @@ from basenet_jax.world.furniture import (
     written_boxes,
 )
 from basenet_jax.world.room_checks import surface_overlap
-from basenet_jax.world.scene import BY_SLOT, NamedScene
+from basenet_jax.world.scene import NamedScene
 
 Piece = SurfaceFields | ObstacleFields | WallFields | KeepOutFields
 
@@ -144,8 +144,7 @@ def remove_piece(scene: NamedScene, name: str) -> NamedScene:
         keep = np.flatnonzero(surfaces_of(scene) != boxes.start)
         if not len(keep):
             raise PlacementError(f"all objects stand on {name}, it can't be removed; move one to another surface first")
-        left = dataclasses.replace(scene.arrays, **{leaf: getattr(scene.arrays, leaf)[keep] for leaf in BY_SLOT})
-        scene = pad(dataclasses.replace(scene, arrays=left, names=tuple(scene.names[index] for index in keep)))
+        scene = keep_objects(scene, keep)
     return _furnished(scene, [other for other, _ in placed.values() if other.name != name])
 
 
