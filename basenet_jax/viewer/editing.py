@@ -7,6 +7,7 @@ they have to be is what files have to be, by the same rules.
 import dataclasses
 import itertools
 from collections.abc import Sequence
+from typing import Any
 
 import jax
 import numpy as np
