@@ -19,6 +19,7 @@ from basenet_jax.robot.reading import load_robot
 from basenet_jax.world.boxes import Boxes
 from basenet_jax.world.footprints import in_frame
 from basenet_jax.world.grasps import of_class
+from basenet_jax.world.occupancy_map import is_on_map
 from basenet_jax.world.room_checks import boxes_at_base, object_inside, stays_on_floor
 from basenet_jax.world.scene import BY_SLOT, MAX_OBJECTS, OBJECT_CLASSES, NamedScene, Scene
 from basenet_jax.world.spacing import Footprints, gaps
@@ -127,6 +128,8 @@ def what_is_at_start(scene: NamedScene, start: Float[np.ndarray, "3"], rule: Pic
     room, robot = scene.arrays.room, load_robot(scene.robot)
     if not stays_on_floor(start, robot, room):
         return "beyond the floor's bounds"
+    if scene.map is not None and not is_on_map(start, scene.map):
+        return "beyond the map"
     touched = boxes_at_base(start, robot, room, rule)
     if not len(touched):
         return None

@@ -16,6 +16,9 @@ REASONS = {
     Reason.OUT_OF_REACH: "out of the arm's reach",
     Reason.NO_STRAIGHT_DESCENT: "the arm can't come down straight onto it",
     Reason.ARM_COLLIDES: "the arm would touch something, or the robot's body",
+    Reason.OBJECT_IN_THE_WAY: "the arm would touch another object that still stands",
+    Reason.ARM_HITS_ITSELF: "the arm would touch itself",
+    Reason.NEAR_SINGULAR: "the arm would be stretched or folded so far that it can't follow a straight line",
     Reason.UNREACHABLE: "there is no way to drive to where it could be picked",
     Reason.NOT_EXECUTED: "the plan ended before it",
 }

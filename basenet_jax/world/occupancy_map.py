@@ -18,6 +18,7 @@ from msgspec import Meta, Struct
 from basenet_jax.documents.fields import DocumentError, convert, describe, field_error
 from basenet_jax.documents.text_files import find_file, read_bytes, read_yaml
 from basenet_jax.world.boxes import Boxes
+from basenet_jax.world.footprints import in_frame
 from basenet_jax.world.furniture import FLAT_M
 from basenet_jax.world.rectangles import cover
 
@@ -127,13 +128,16 @@ def check_on_map(start: Float[np.ndarray, "3"], occupancy: OccupancyMap) -> None
     Raises:
         DocumentError: it isn't.
     """
-    x, y, yaw = occupancy.origin
-    (sine, cosine), away = (np.sin(yaw), np.cos(yaw)), start[:2] - (x, y)
-    place = np.array([cosine * away[0] + sine * away[1], cosine * away[1] - sine * away[0]])
-    sides = occupancy.resolution * np.array(occupancy.closed.shape[::-1])
-    if np.any(place < 0) or np.any(place > sides):
+    if not is_on_map(start, occupancy):
+        (x, y, yaw), sides = occupancy.origin, occupancy.resolution * np.array(occupancy.closed.shape[::-1])
         size = f"{sides[0]:g} x {sides[1]:g} m from [{x:g}, {y:g}], turned by {yaw:g}"
         raise field_error("robot.start", f"{start.tolist()}, off the map", f"are poses on it, {size}")
+
+
+def is_on_map(pose: Float[np.ndarray, "3"], occupancy: OccupancyMap) -> bool:
+    """Whether a pose (x, y, yaw in W) is within a map's sides."""
+    place = in_frame(np.array(occupancy.origin), pose[:2])
+    return bool(np.all((place >= 0) & (place <= occupancy.resolution * np.array(occupancy.closed.shape[::-1]))))
 
 
 def _read_image(path: Path) -> UInt8[np.ndarray, "rows columns channels"]:
