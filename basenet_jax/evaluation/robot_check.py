@@ -27,6 +27,7 @@ from basenet_jax.robot.reading import Source
 from basenet_jax.robot.rest import check_tables
 from basenet_jax.robot.set_up import set_up_faults
 from basenet_jax.robot.tool import axis_turns, tool_place
+from basenet_jax.robot.ur_frames import with_closed_form
 from basenet_jax.task.arm_solutions import lattice
 from basenet_jax.world.boxes import Room, surface_top
 
@@ -132,6 +133,11 @@ def find_causes(
     return sorted((cause for cause in tried if cause.share > present), key=lambda cause: -cause.share)
 
 
+def _planned(robot: Robot) -> Robot:
+    """The changed robot with the closed form for its new tool frame, where it has one."""
+    return jax.device_put(with_closed_form(jax.device_get(robot))) if robot.closed_form else robot
+
+
 def _alternatives(robot: Robot) -> Iterator[tuple[str, Robot]]:
     """The robot changed in one way each, and the change in words."""
     rotation, position = np.asarray(robot.tool_rotation), np.asarray(robot.tool_position)
@@ -144,11 +150,11 @@ def _alternatives(robot: Robot) -> Iterator[tuple[str, Robot]]:
             tried.append(change)
             yield (
                 f"tool frame: turned by rotation_rpy_degrees: {list(turn)} (its z has to point out of the gripper)",
-                robot.replace(tool_rotation=rotation @ change),
+                _planned(robot.replace(tool_rotation=rotation @ change)),
             )
     yield (
         "tool frame: with grasp_depth: 0 (the tool frame is where the fingers meet)",
-        robot.replace(tool_position=position - GRASP_DEPTH_M * rotation[:, 2]),
+        _planned(robot.replace(tool_position=position - GRASP_DEPTH_M * rotation[:, 2])),
     )
     for rise in _RISES_M:
         position = np.asarray(robot.mount_position) + np.array([0.0, 0.0, rise])

@@ -14,6 +14,7 @@ from basenet_jax.robot.fields import RobotFile
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.model_arm import Arm, Capsule
 from basenet_jax.robot.tool import from_rpy_degrees
+from basenet_jax.robot.ur_frames import with_closed_form
 
 _WHOLE_TURN = 2.0 * math.pi  # either way, for a turning joint without limits
 
@@ -48,10 +49,11 @@ def build_robot(file: RobotFile, model: mujoco.MjModel, arm: Arm) -> Robot:
         joint_names=tuple(file.joints),
         prismatic=sliding,
         capsule_link=tuple(capsule.link for capsule in tested),
-        closed_form=file.closed_form,
+        closed_form=None,
         omnidirectional=file.drive == "omnidirectional",
     )
-    return robot.replace(self_pairs=self_pairs(robot))
+    robot = robot.replace(self_pairs=self_pairs(robot))
+    return robot if file.closed_form == "none" else with_closed_form(robot)
 
 
 def _arm_leaves(arm: Arm, model: mujoco.MjModel, capsules: list[Capsule]) -> dict[str, np.ndarray]:

@@ -8,6 +8,7 @@ FORMAT = "basenet-robot/1"
 MIN_JOINTS, MAX_JOINTS = 6, 8
 MAX_CAPSULES = 64
 GRASP_DEPTH_M = 0.25  # of the frame that objects' grasps are given for: so far before it fingers meet
+CLOSED_FORMS = ("ur", "none")
 SHAPES = ("collision", "visual")
 DRIVES = ("differential", "omnidirectional")  # turn, drive, turn; or in any direction with the heading kept
 
@@ -132,7 +133,7 @@ ALLOWED = {
     "joints": f"is a list of {_COUNT} joint names, from arm base to tool (with fewer a gripper can't be held straight "
     "down, turned in any way, at any place; of more, freeze some under fixed)",
     "joints[]": "is a joint's name",
-    "closed_form": "is ur, for Universal Robots' DH frames, or no such key",
+    "closed_form": "is ur or none, or no such key: an arm like Universal Robots' is recognised",
     "drive": f"is {' or '.join(DRIVES)}, or no such key",
     "joint_speed": f"is a list of {_COUNT} numbers, one for each joint (rad/s, or m/s)",
     "joint_speed[]": "is a number from 0.01 to 20 (rad/s, or m/s of a sliding joint)",

@@ -7,6 +7,19 @@ from basenet_jax import struct
 
 
 @struct.dataclass
+class UrFrames:
+    """Frames in which an arm is like Universal Robots', though its model's are others: see `ur_frames`."""
+
+    lengths: Float[Array, "6"]  # d1, a2, a3, d4, d5, d6 (m)
+    base_rotation: Float[Array, "3 3"]  # of DH frame 0 in frame a
+    base_position: Float[Array, "3"]
+    flange_rotation: Float[Array, "3 3"]  # of DH frame 6 in the last link
+    flange_position: Float[Array, "3"]
+    sense: Float[Array, "6"]  # +1 or -1; the model's joint is sense (DH's angle - offset)
+    offset: Float[Array, "6"]
+
+
+@struct.dataclass
 class Robot:
     """A mobile manipulator, as arrays that any kernel can be traced over.
 
@@ -45,6 +58,7 @@ class Robot:
     capsule_link: tuple[int, ...] = struct.field(pytree_node=False)  # i: after joint i; in increasing order
     closed_form: str | None = struct.field(pytree_node=False)
     self_pairs: tuple[tuple[int, int], ...] = struct.field(pytree_node=False, default=())  # capsules, see `arm_shapes`
+    ur_frames: UrFrames | None = None  # where the closed form is in other frames than the joints'
     omnidirectional: bool = struct.field(pytree_node=False, default=False)  # the base moves in any direction
 
     @property

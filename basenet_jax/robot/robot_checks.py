@@ -9,14 +9,13 @@ from msgspec import UnsetType
 
 from basenet_jax.documents.fields import describe, field_error
 from basenet_jax.documents.text_files import inside
-from basenet_jax.robot.fields import ALLOWED, DRIVES, SHAPES, RobotFile
+from basenet_jax.robot.fields import ALLOWED, CLOSED_FORMS, DRIVES, SHAPES, RobotFile
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.robot_mjcf import BASE_JOINTS
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 _REACH_M = (0.2, 4.0)  # of the stretched arm
 _MOST_RADIUS_M = 0.5
-_CALIBRATION = 0.02  # m and rad: what a calibrated arm's frames may differ from the nominal ones
 _ROUND_ANGLE, _ROUNDED = np.pi / 12, 2e-3  # rad: to how many digits people write them
 _OVERHANG_M, _MOUNT_OVERHANG_M = 0.05, 0.2
 _LIMIT_TOLERANCE = 1e-6  # rad or m: files round
@@ -36,8 +35,8 @@ def check_file(file: RobotFile, taken: Sequence[str]) -> None:
         raise field_error("name", describe(file.name), "are 1 to 64 letters, digits, _ and -")
     if file.name in taken:
         raise field_error("name", f"{describe(file.name)}, a packaged robot's", "is a name of its own")
-    if file.closed_form not in (None, "ur"):
-        raise field_error("closed_form", describe(file.closed_form), "is ur, or no such key")
+    if file.closed_form not in (None, *CLOSED_FORMS):
+        raise field_error("closed_form", describe(file.closed_form), ALLOWED["closed_form"])
     if file.shapes not in SHAPES:
         raise field_error("shapes", describe(file.shapes), ALLOWED["shapes"])
     for name, value in file.fixed.items():
@@ -121,8 +120,9 @@ def check_robot(file: RobotFile, robot: Robot) -> None:
     if not robot.capsule_radius[widest] <= _MOST_RADIUS_M:
         found = f"a shape of link {robot.capsule_link[widest]} with a radius of {robot.capsule_radius[widest]:.3g} m"
         raise field_error("model", found, f"are up to {_MOST_RADIUS_M} m (are its meshes in mm?)")
-    if robot.closed_form == "ur":
-        _check_ur_frames(robot)
+    if file.closed_form == "ur" and robot.closed_form is None:
+        allowed = "is ur only where axes 2 to 4 are parallel and meet 1's squarely, as 5's meets 4's and 6's"
+        raise field_error("closed_form", "'ur' for another kind of arm", allowed)
 
 
 def _check_size(robot: Robot) -> None:
@@ -148,19 +148,3 @@ def _check_limits(file: RobotFile, robot: Robot) -> None:
             field = f"{name}_degrees"
             found = f"{getattr(file, field)[index]:g}"
             raise field_error(f"{field}[{index}]", found, f"is {low:.6g} to {high:.6g} {unit[1]}, the joint's limits")
-
-
-def _check_ur_frames(robot: Robot) -> None:
-    """That the joint frames are Universal Robots' DH frames, whatever the lengths: the closed form reads these."""
-    one, quarter = np.eye(3), np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # Rx(90 degrees)
-    turns = (one, quarter, one, one, quarter, quarter.T, one)
-    axes = ([], [2], [0], [0], [2], [2], [2])  # along which alone each frame, then the tool's, lies in the one before
-    fits = robot.dof == len(turns) - 1 and not any(robot.prismatic)
-    rotations = [*robot.joint_rotation, robot.tool_rotation]
-    positions = [*robot.joint_position, robot.tool_position]
-    for rotation, turn, position, axis in zip(rotations, turns, positions, axes, strict=False):
-        offset = np.delete(position, axis)
-        fits = fits and np.allclose(rotation, turn, atol=_CALIBRATION) and np.allclose(offset, 0.0, atol=_CALIBRATION)
-    if not fits:
-        allowed = "is ur only where joints and tool are Universal Robots' DH frames; leave the key out"
-        raise field_error("closed_form", "'ur' for an arm with other frames", allowed)

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jax import Array
 
-from basenet_jax.robot.kinematics import Frame, Vector, add, cross, dot, scale, subtract
-from basenet_jax.robot.model import Robot
-from basenet_jax.trigonometry import atan2
+from basenet_jax.robot.kinematics import Frame, Vector, add, attach, cross, dot, scale, subtract
+from basenet_jax.robot.model import Robot, UrFrames
+from basenet_jax.trigonometry import atan2, wrap_angle
 
 BRANCHES = 8
 _ALIGNED = 1e-6  # of sin q5, below which joints 4 and 6 turn about one line
@@ -56,13 +56,38 @@ def closed_form(robot: Robot, target: Frame, branch: Branch) -> ClosedForm:
     joint 5's axis upright.
 
     Args:
-        robot: one with `closed_form == "ur"`; its lengths are read from its joint frames, so a calibrated arm's
-            solutions are approximate.
+        robot: one with `closed_form == "ur"`; its lengths are read from its joint frames, or from its `ur_frames`; a
+            calibrated arm's solutions are approximate.
         target: of the tool frame in the arm's base frame.
         branch: which solutions; signs broadcast against the target.
     """
+    if robot.ur_frames is not None:
+        return _in_frames(robot, robot.ur_frames, target, branch)
     d1, a2, a3 = robot.joint_position[1, 2], robot.joint_position[2, 0], robot.joint_position[3, 0]
     d4, d5, d6 = robot.joint_position[4, 2], robot.joint_position[5, 2], robot.tool_position[2]
+    return _in_dh_frames((d1, a2, a3, d4, d5, d6), target, branch)
+
+
+def _in_frames(robot: Robot, frames: UrFrames, target: Frame, branch: Branch) -> ClosedForm:
+    """The target for the tool as one for DH frame 6 in DH frame 0, and the angles as the model's joints."""
+    tool = robot.tool_rotation.T @ frames.flange_rotation  # of DH frame 6 in the tool's
+    origin = robot.tool_rotation.T @ (frames.flange_position - robot.tool_position)
+    flange = attach(target, tool, origin)
+
+    def turned(vector: Vector) -> Vector:
+        rows = frames.base_rotation
+        return tuple(vector[0] * rows[0, k] + vector[1] * rows[1, k] + vector[2] * rows[2, k] for k in range(3))
+
+    position = turned(tuple(x - frames.base_position[axis] for axis, x in enumerate(flange.origin)))
+    own = Frame(turned(flange.x), turned(flange.y), turned(flange.z), position)
+    found = _in_dh_frames(tuple(frames.lengths), own, branch)
+    joints = (frames.sense[i] * wrap_angle(q - frames.offset[i]) for i, q in enumerate(found.joints))
+    return found._replace(joints=tuple(joints))
+
+
+def _in_dh_frames(lengths: tuple[Array, ...], target: Frame, branch: Branch) -> ClosedForm:
+    """The closed form of DH frame 6's pose in DH frame 0, by d1, a2, a3, d4, d5 and d6."""
+    d1, a2, a3, d4, d5, d6 = lengths
     wrist_centre = subtract(target.origin, scale(d6, target.z))
     m, cylinder_shortfall = _parallel_axis(wrist_centre, d4, branch.shoulder)
     z_m = dot(target.z, m)  # cos5
@@ -72,7 +97,8 @@ def closed_form(robot: Robot, target: Frame, branch: Branch) -> ClosedForm:
     sin_5 = jnp.sqrt(dot(across, across))
     aligned = sin_5 < _ALIGNED
     over_sin_5 = jnp.where(aligned, 0.0, branch.wrist / jnp.where(aligned, 1.0, sin_5))
-    wrist_axis = add(scale(over_sin_5, across), (0.0, 0.0, jnp.where(aligned, branch.wrist, 0.0)))  # joint 5's
+    upright = (jnp.zeros(()), jnp.zeros(()), jnp.where(aligned, branch.wrist, 0.0))
+    wrist_axis = add(scale(over_sin_5, across), upright)  # joint 5's
     elbow_end = subtract(subtract(wrist_centre, scale(d5, wrist_axis)), scale(d4, m))
     radial = elbow_end[1] * m[0] - elbow_end[0] * m[1]  # m = (sin1, -cos1, 0)
     q2, q3, elbow_shortfall = _planar_two_link(radial, elbow_end[2] - d1, a2, a3, branch.elbow)
@@ -98,7 +124,7 @@ def _parallel_axis(wrist_centre: Vector, d4: Array, shoulder: Array) -> tuple[Ve
     inverse = 1.0 / jnp.where(length > 0, length, 1.0)
     m_x = jnp.where(length > 0, m_x * inverse, 1.0)
     m_y = m_y * inverse
-    return (m_x, m_y, jnp.zeros_like(m_x)), jnp.maximum(d4 - jnp.sqrt(square), 0.0)
+    return (m_x, m_y, jnp.zeros_like(m_x)), jnp.maximum(jnp.abs(d4) - jnp.sqrt(square), 0.0)
 
 
 def _planar_two_link(radial: Array, height: Array, a2: Array, a3: Array, elbow: Array) -> tuple[Array, Array, Array]:
