@@ -42,6 +42,10 @@ class Arguments(PlannerArguments):
     config: Path | None = None
     """YAML or JSON file of settings, such as a training's config.json, whose world is used. Options come before it."""
     world: DrivesAndPicks = field(default_factory=DrivesAndPicks)
+    drives: Literal["by-room", "point", "docked"] | None = None
+    """In short for --world.navigation.drives."""
+    forward_only: bool = False
+    """No drive goes in reverse; in short for --world.navigation.no-reverse."""
     drive_times: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """File of drive times between stops, instead of the world's own drives (see the documentation of Nav2)."""
     picture: Path | None = None
@@ -72,7 +76,13 @@ def main(arguments: list[str] | None = None) -> int:
         return _fail(2, str(error))
     defaults = {"world": DrivesAndPicks(world.navigation, world.pick)}
     options = parse(Arguments, given, "python -m basenet_jax.plan", defaults)
-    world = dataclasses.replace(world, navigation=options.world.navigation, pick=options.world.pick)
+    navigation = options.world.navigation
+    navigation = dataclasses.replace(
+        navigation,
+        drives=options.drives or navigation.drives,
+        reverse=navigation.reverse and not options.forward_only,
+    )
+    world = dataclasses.replace(world, navigation=navigation, pick=options.world.pick)
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal may know fewer letters than the names of objects
     try:

@@ -14,9 +14,11 @@ import yaml
 
 from basenet_jax import api, offscreen, plan, plots
 from basenet_jax.config import WorldConfig
+from basenet_jax.exports import schedule
 from basenet_jax.planners import registry
 from basenet_jax.planners.protocol import PlanningError
 from basenet_jax.task import plan as judge
+from basenet_jax.task.motion_check import Overlap
 from basenet_jax.task.plan_file import load_plan
 from basenet_jax.world.scene_file import load_scene
 from tests.scene_texts import TEXT, park_once
@@ -97,6 +99,25 @@ def test_a_changed_world_is_in_the_plan_file(call):
         assert json.load(file)["world"] == {"pick": {"close_s": 0.5}}
 
 
+def test_drives_in_short(call, monkeypatch):
+    setups = []
+    monkeypatch.setattr(registry, "make_planner", lambda name, setup, options: setups.append(setup) or park_once)
+    call("scene.yaml", "--drives", "docked", "--forward-only")
+    call("scene.yaml", "--world.navigation.drives", "docked", "--world.navigation.no-reverse")
+    for setup in setups:
+        assert (setup.world.navigation.drives, setup.world.navigation.reverse) == ("docked", False)
+
+
+def test_what_the_motion_would_touch_is_noted_for_exports_and_films(call, monkeypatch):
+    found = [Overlap(0, True, 0, 0.0831), Overlap(1, False, None, 0.002)]
+    monkeypatch.setattr(schedule, "find_overlaps", lambda robot, room, motion: found)
+    code, printed, _ = call("scene.yaml", "--export", "robot", "--export-format", "csv")
+    assert code == 0
+    assert "note: the base's drive for mug_1 would go 8.3 cm into table\n" in printed
+    assert "note: the arm's moves for part_7 would go 0.2 cm into the robot's own body\n" in printed
+    assert "--drives docked plans free ones" in printed
+
+
 def test_basenet_plans_unless_told_otherwise_and_nothing_is_written_unasked(call, made):
     assert call("scene.yaml")[0] == 0
     assert made == ["basenet"]
@@ -169,7 +190,7 @@ def test_a_film_shows_its_progress(call, monkeypatch):
     monkeypatch.setattr(plan, "choose_backend", lambda: None)
     monkeypatch.setattr(plots, "render_video", render)
     code, _, err = call("scene.yaml", "--video", "a.mp4", "--video-speed", "4")
-    assert (code, asked) == (0, {"speed": 4.0, "config": WorldConfig()})
+    assert (code, asked) == (0, {"speed": 4.0, "config": WorldConfig(), "given_times": False})
     assert "film: 5/5 (100 %)" in err
     with open("a.mp4", "rb") as file:
         assert file.read(8)[4:] == b"ftyp"

@@ -2,12 +2,13 @@
 
 import io
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from math import inf, isfinite, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import jax
 import numpy as np
 
 from basenet_jax import api
@@ -15,6 +16,8 @@ from basenet_jax.atomic import write_atomically
 from basenet_jax.commands.output_files import check_different, check_output_file
 from basenet_jax.exports import check_export
 from basenet_jax.progress import make_reporter
+from basenet_jax.task.motion import plan_motion
+from basenet_jax.task.motion_check import Overlap, find_overlaps, thing
 from basenet_jax.task.plan_file import save_plan
 
 if TYPE_CHECKING:
@@ -22,7 +25,7 @@ if TYPE_CHECKING:
 
     from basenet_jax.planners.protocol import PlannerSetup
     from basenet_jax.planners.timed import TimedPlan
-    from basenet_jax.task.plan import Outcome
+    from basenet_jax.task.plan import Outcome, Plan
     from basenet_jax.world.scene import NamedScene
 
 
@@ -110,15 +113,41 @@ def write_outputs(
                 world=setup.world,
                 drive_times=setup.drive_times.source if setup.drive_times else None,
             )
+        if video:
+            said += overlap_notes(scene, timed.plan, _overlaps(setup, scene, timed, outcome))
         for path, content in ((options.picture, picture), (options.video, video)):
             if path:
                 write_atomically(path, content)
         path = options.export
         if path:
-            said = _export(options, setup, path, scene, timed, outcome)
+            said += _export(options, setup, path, scene, timed, outcome)
     except OSError as error:
         raise OutputError(f"{path}: can't be written: {error.strerror}") from error
-    return said
+    return list(dict.fromkeys(said))
+
+
+def overlap_notes(scene: "NamedScene", plan: "Plan", overlaps: Sequence[Overlap]) -> list[str]:
+    """Lines on what base or arm would touch on their way.
+
+    Args:
+        scene: of the plan.
+        plan: on the host.
+        overlaps: of its motion.
+    """
+    notes = []
+    for each in overlaps:
+        what = "the base's drive" if each.driving else "the arm's moves"
+        name, depth = scene.names[int(plan.object_index[each.step])], f"{100 * each.depth_m:.1f} cm"
+        notes.append(f"note: {what} for {name} would go {depth} into {thing(each, scene.box_names)}")
+    if any(each.driving for each in overlaps):
+        notes.append("note: drives of a point don't look at the base's corners; --drives docked plans free ones")
+    return notes
+
+
+def _overlaps(setup: "PlannerSetup", scene: "NamedScene", timed: "TimedPlan", outcome: "Outcome") -> list[Overlap]:
+    given = setup.drive_times is not None
+    motion = plan_motion(setup.robot, scene.arrays, timed.plan, outcome, setup.world, given_times=given)
+    return find_overlaps(setup.robot, setup.room, motion)
 
 
 def _plot(setup: "PlannerSetup", scene: "NamedScene", timed: "TimedPlan") -> "Figure":
@@ -184,4 +213,5 @@ def _export(
         names = ", ".join(f"{name} ({reason})" for name, reason in done.left_out.items())
         print(f"basenet_jax.plan: the export leaves out {names}", file=sys.stderr)
     files = ", ".join(path.name for path in done.files)
-    return [f"exported to {folder}: {files}; the robot takes {done.duration_s:.1f} s"]
+    said = f"exported to {folder}: {files}; the robot takes {done.duration_s:.1f} s"
+    return [said, *overlap_notes(scene, jax.device_get(timed.plan), done.overlaps)]

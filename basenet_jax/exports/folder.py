@@ -17,6 +17,7 @@ from basenet_jax.exports.csv_text import to_csv
 from basenet_jax.exports.schedule import Schedule, make_schedule
 from basenet_jax.exports.yaml_text import to_yaml
 from basenet_jax.robot.model import Robot
+from basenet_jax.task.motion_check import Overlap
 from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.task.plan_file import reason_name
 from basenet_jax.world.scene import NamedScene
@@ -31,6 +32,7 @@ class Export(NamedTuple):
     files: list[Path]  # and the folder of the bag
     duration_s: float  # of the execution
     left_out: dict[str, str]  # by the object's name, why its step isn't there
+    overlaps: tuple[Overlap, ...]  # what base or arm would touch on their way, by MuJoCo
 
 
 class ExportError(ValueError):
@@ -135,7 +137,7 @@ def export(
         raise ExportError(f"drives: {error}") from None
     write_folder_atomically(directory, lambda folder: _fill(folder, schedule, formats, config))
     files = [Path(directory) / FORMATS[each] for each in dict.fromkeys(formats)]
-    return Export(files, schedule.duration_s, left_out)
+    return Export(files, schedule.duration_s, left_out, schedule.overlaps)
 
 
 def _fill(folder: Path, schedule: Schedule, formats: Sequence[str], config: ExportConfig) -> None:

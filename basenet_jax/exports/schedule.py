@@ -16,6 +16,7 @@ from basenet_jax.config import ExportConfig, WorldConfig
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.manoeuvre import Leg, Manoeuvre
 from basenet_jax.task.motion import Doing, Motion, plan_motion
+from basenet_jax.task.motion_check import Overlap, find_overlaps
 from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.world.scene import NamedScene
 
@@ -80,6 +81,8 @@ class Schedule:
     motion: Motion  # in W
     objects: tuple[str, ...]  # name of the object of each step of the plan
     commands: tuple[Command, ...]
+    overlaps: tuple[Overlap, ...]  # what the motion would touch, by MuJoCo
+    box_names: tuple[str, ...]
 
     @property
     def duration_s(self) -> float:
@@ -99,7 +102,7 @@ def make_schedule(
     world: WorldConfig = WorldConfig(),
     given_times: bool = False,
 ) -> Schedule:
-    """The commands of a plan. Steps that are not feasible are left out, their drives too.
+    """The commands of a plan, gone through in MuJoCo. Steps that are not feasible are left out, their drives too.
 
     Args:
         robot: the scene's.
@@ -129,6 +132,8 @@ def make_schedule(
         motion=motion,
         objects=objects,
         commands=tuple(_commands(motion, objects, table_pose, config)),
+        overlaps=tuple(find_overlaps(robot, jax.device_get(scene.arrays.room), motion)),
+        box_names=scene.box_names,
     )
 
 

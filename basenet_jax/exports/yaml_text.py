@@ -6,6 +6,7 @@ import numpy as np
 import yaml
 
 from basenet_jax.exports.schedule import NANOSECONDS, Command, Drive, Pose, Schedule, Stretch, Trajectory
+from basenet_jax.task.motion_check import Overlap, thing
 
 FORMAT = "basenet-execution/1"
 TURN = "turn"  # in place of a gear
@@ -13,7 +14,8 @@ TURN = "turn"  # in place of a gear
 _HEAD = f"""\
 # {FORMAT}: commands in order of time. staging_pose and base_goal are geometry_msgs/PoseStamped, arm_trajectory is a
 # trajectory_msgs/JointTrajectory, gripper close or open. A drive's legs are turns on the spot (rad, counter-clockwise)
-# and straight pieces (m) in their gear. m, rad and s; every stamp is the time since the beginning.
+# and straight pieces (m) in their gear. overlaps is what base or arm would touch on their way, and how deep.
+# m, rad and s; every stamp is the time since the beginning.
 """
 _DECIMALS = 9
 
@@ -27,6 +29,7 @@ def to_yaml(schedule: Schedule) -> bytes:
         "map_frame": schedule.map_frame,
         "table_pose": {"x": x, "y": y, "yaw": yaw},
         "duration_s": round(schedule.duration_s, _DECIMALS),
+        "overlaps": [_overlap(each, schedule) for each in schedule.overlaps],
         "commands": [_command(command, schedule) for command in schedule.commands],
     }
     # PyYAML's own emitter takes ten times as long as libyaml's, which isn't in every build of it.
@@ -50,6 +53,11 @@ def _command(command: Command, schedule: Schedule) -> dict[str, Any]:
         message = {"header": header, "joint_names": list(schedule.joint_names), "points": points}
         return head | {"arm_trajectory": message}
     return head | {"gripper": command.gripper}
+
+
+def _overlap(overlap: Overlap, schedule: Schedule) -> dict[str, Any]:
+    what, depth = ("base" if overlap.driving else "arm"), round(overlap.depth_m, 4)
+    return {"object": schedule.objects[overlap.step], what: thing(overlap, schedule.box_names), "by_m": depth}
 
 
 def _drive(time_ns: int, drive: Drive, frame: str) -> dict[str, Any]:

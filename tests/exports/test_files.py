@@ -1,6 +1,7 @@
 """Every file says the same: what is read back is the schedule."""
 
 import csv
+import dataclasses
 import io
 
 import numpy as np
@@ -11,6 +12,7 @@ from basenet_jax.exports.bag import write_bag
 from basenet_jax.exports.csv_text import to_csv
 from basenet_jax.exports.schedule import NANOSECONDS
 from basenet_jax.exports.yaml_text import to_yaml
+from basenet_jax.task.motion_check import Overlap
 from tests.exports.conftest import TABLE_POSE
 
 
@@ -31,6 +33,16 @@ def test_yaml_says_what_it_is(document, schedule):
     assert document["robot"] == "ur5e_mobile"
     assert tuple(document["table_pose"].values()) == TABLE_POSE
     assert document["duration_s"] == pytest.approx(schedule.duration_s, abs=1e-8)
+    assert document["overlaps"] == []
+
+
+def test_yaml_says_what_would_be_touched(schedule):
+    overlaps = (Overlap(0, True, 0, 0.08312), Overlap(1, False, None, 0.002))
+    document = yaml.load(to_yaml(dataclasses.replace(schedule, overlaps=overlaps)), yaml.CSafeLoader)
+    assert document["overlaps"] == [
+        {"object": "mug_1", "base": "table", "by_m": 0.0831},
+        {"object": "mug_2", "arm": "the robot's own body", "by_m": 0.002},
+    ]
 
 
 def test_yaml_holds_the_messages(document, schedule):
