@@ -42,13 +42,14 @@ class Devices:
         return self._constrain(tree, P())
 
     def apart(
-        self, function: Callable[..., Any], *, in_axes: Sequence[int | None] = (0,), mean: bool = False
+        self, function: Callable[..., Any], *, in_axes: Sequence[Any] = (0,), mean: bool = False
     ) -> Callable[..., Any]:
         """Every device calls a function with its part of the batch, without a word to the others.
 
         Args:
             function: of pytrees; what it closes over is seen by all devices.
-            in_axes: for each argument the axis of the batch, or None for what all devices get alike.
+            in_axes: for each argument the axis of the batch, or None for what all devices get alike; or a tree of them,
+                as for `jax.vmap`.
             mean: the results are means over the batch, and so is what is returned; otherwise they are batches along
                 their first axis, and are put together.
 
@@ -62,7 +63,9 @@ class Devices:
             result = function(*arguments)
             return jax.lax.pmean(result, _AXIS) if mean else result
 
-        specs = tuple(P() if axis is None else _along(axis) for axis in in_axes)
+        specs = jax.tree.map(
+            lambda axis: P() if axis is None else _along(axis), tuple(in_axes), is_leaf=lambda axis: axis is None
+        )
         # Loops begin with constants, which JAX would have marked one by one as differing between devices.
         return jax.shard_map(
             part, mesh=self.mesh, in_specs=specs, out_specs=P() if mean else _along(0), check_vma=False

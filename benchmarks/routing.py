@@ -23,7 +23,7 @@ from basenet_jax.evaluation.orders import random_scenes
 from basenet_jax.planners.candidates import check_candidates
 from basenet_jax.planners.protocol import Planner, PlannerSetup
 from basenet_jax.planners.registry import make_planner
-from basenet_jax.planners.stop_problem import StopProblem, stop_problem
+from basenet_jax.planners.stop_problem import SizedProblem, stop_problem
 from basenet_jax.planners.timed import plan_timed
 from basenet_jax.task.plan import Plan, compiled_execute
 from basenet_jax.world.scene import Scene
@@ -80,7 +80,7 @@ def plan_by_routing(setup: PlannerSetup, scene: Scene, seconds: float, seed: int
     return problem.plan(scene, *solve(problem, seconds, seed))
 
 
-def solve(problem: StopProblem, seconds: float, seed: int) -> tuple[Int[np.ndarray, " N"], Int[np.ndarray, " N"]]:
+def solve(problem: SizedProblem, seconds: float, seed: int) -> tuple[Int[np.ndarray, " N"], Int[np.ndarray, " N"]]:
     """Which object each step picks, and at which stop, by PyVRP."""
     pick_time, first, drive = map(np.asarray, problem.costs)
     useful = np.isfinite(first)  # without those that fill up

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from basenet_jax.planners.exact_sequence import best_sequence
-from basenet_jax.planners.stop_problem import StopProblem
+from basenet_jax.planners.stop_problem import SizedProblem
+from basenet_jax.task.stop_problem import make_problem
 from benchmarks.routing import solve
 
 
@@ -23,8 +24,9 @@ def problem_of(seed, stops=9, objects=5):
     pick[random.random(pick.shape) < 0.5] = np.inf
     pick[np.arange(objects), np.arange(objects)] = 10.0  # every object has a stop
     pick[-2:], first[-2:] = np.inf, np.inf
-    poses, slots = np.zeros((stops, 3), np.float32), np.arange(objects)
-    return StopProblem(jnp.array(pick), jnp.array(first), jnp.array(drive), poses, slots, np.zeros(objects, int))
+    poses, there = np.zeros((stops, 3), np.float32), np.ones(objects, bool)
+    problem = make_problem(*map(jnp.array, (poses, drive, pick, first, there)))
+    return SizedProblem(problem, np.arange(objects), np.zeros(objects, int))
 
 
 def cost_of(problem, order, stops):

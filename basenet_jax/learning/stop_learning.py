@@ -32,11 +32,12 @@ from basenet_jax.learning.stop_problems import (
 )
 from basenet_jax.planners.aligned_stops import aligned_poses
 from basenet_jax.planners.stop_search import MAX_STOPS, search_stops
-from basenet_jax.policies.stop_policy import StopPolicy, StopScene
+from basenet_jax.policies.stop_policy import BATCH_AXES, StopPolicy, StopScene
 from basenet_jax.policies.stop_rollout import END, choices_gradient, choose_best, choose_randomly, plans_of, play, start
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.drives import make_drives
-from basenet_jax.task.prepared_world import PreparedWorld, prepare_world
+from basenet_jax.task.prepared_world import prepare_world
+from basenet_jax.task.stop_problem import StopProblem
 from basenet_jax.world.boxes import Room
 
 Metrics = dict[str, Array]
@@ -107,8 +108,8 @@ class StopLearning:
             self.world,
         )
         examples = draw_many(example_key, library, config.examples, config.objects)
-        problem = problem_of(library, jax.tree.map(lambda x: x[0], examples))
-        params = self.policy.init(network_key, self.prepared, problem, start(problem))
+        scene = problem_of(self.prepared, library, jax.tree.map(lambda x: x[0], examples))
+        params = self.policy.init(network_key, scene, start(scene))
         state = StopLearningState(
             params=params,
             optimizer=self.optimizer.init(params),
@@ -158,7 +159,7 @@ class StopLearning:
             lambda a, b: jnp.where(turns.reshape(-1, *(1,) * (a.ndim - 1)), a, b), other, (draws, answers)
         )
         draws, answers = self.devices.split((draws, answers))
-        problems = problem_of(state.library, draws)
+        problems = problem_of(self.prepared, state.library, draws)
         gradient, loss, entropy = self.gradient(state.params, problems, answers, jnp.ones(len(chosen)))
         return gradient, {"loss": loss, "entropy": entropy}
 
@@ -167,9 +168,10 @@ class StopLearning:
         config = self.config
         draw_key, play_key = jax.random.split(key)
         draws = self.devices.split(draw_many(draw_key, state.library, config.problems_per_update, config.objects))
-        problems = problem_of(state.library, jax.tree.map(lambda x: jnp.repeat(x, config.samples, axis=0), draws))
-        visited = play(self.policy, state.params, self.prepared, problems, choose_randomly(play_key))
-        advantage = advantages(plans_of(self.prepared, problems, visited).cost, config.samples)
+        repeated = jax.tree.map(lambda x: jnp.repeat(x, config.samples, axis=0), draws)
+        problems = problem_of(self.prepared, state.library, repeated)
+        visited = play(self.policy, state.params, problems, choose_randomly(play_key))
+        advantage = advantages(plans_of(problems.problem, visited).cost, config.samples)
         gradient, loss, entropy = self.gradient(state.params, problems, visited, -advantage)
         return gradient, {"loss": loss, "entropy": entropy}
 
@@ -177,8 +179,8 @@ class StopLearning:
         self, params: Any, problems: StopScene, visited: Int[Array, "B M"], weight: Float[Array, " B"]
     ) -> tuple[Any, Float[Array, ""], Float[Array, ""]]:
         """See `choices_gradient`."""
-        own = self.devices.apart(partial(choices_gradient, self.policy), in_axes=(None, None, 0, 0, 0), mean=True)
-        return own(params, self.prepared, problems, visited, weight)
+        own = self.devices.apart(partial(choices_gradient, self.policy), in_axes=(None, BATCH_AXES, 0, 0), mean=True)
+        return own(params, problems, visited, weight)
 
     def _update(self, state: StopLearningState, gradient_of: Any) -> tuple[StopLearningState, Metrics]:
         own_key, key = jax.random.split(state.key)
@@ -193,10 +195,10 @@ class StopLearning:
         """The stops of the best plans that are found, in order, then -1."""
 
         def search_all(library: Library, draws: Draw, keys: Array) -> Array:
-            def search(problem: tuple[Draw, Array]) -> Array:
-                draw, key = problem
-                answer = searched_stops(self.prepared, problem_of(library, draw), key, self.config.search_iterations)
-                return answer.astype(jnp.int32)
+            def search(drawn: tuple[Draw, Array]) -> Array:
+                draw, key = drawn
+                problem = problem_of(self.prepared, library, draw).problem
+                return searched_stops(problem, key, self.config.search_iterations).astype(jnp.int32)
 
             return jax.lax.map(search, (draws, keys))
 
@@ -207,9 +209,9 @@ class StopLearning:
         config = self.config
         keys = jax.random.split(jax.random.key(config.evaluation_seed), config.evaluation_problems)
         draws = jax.vmap(lambda key: draw_problem(key, library, config.objects, config.objects))(keys)
-        problems = problem_of(library, self.devices.split(draws))
-        visited = play(self.policy, params, self.prepared, problems, choose_best)
-        return jnp.mean(plans_of(self.prepared, problems, visited).cost)
+        problems = problem_of(self.prepared, library, self.devices.split(draws))
+        visited = play(self.policy, params, problems, choose_best)
+        return jnp.mean(plans_of(problems.problem, visited).cost)
 
 
 def draw_many(key: Array, library: Library, problems: int, slots: int) -> Draw:
@@ -220,18 +222,17 @@ def draw_many(key: Array, library: Library, problems: int, slots: int) -> Draw:
     return jax.vmap(lambda key, count: draw_problem(key, library, count, slots))(keys, counts)
 
 
-def searched_stops(prepared: PreparedWorld, problem: StopScene, key: Array, iterations: int) -> Int[Array, " M"]:
+def searched_stops(problem: StopProblem, key: Array, iterations: int) -> Int[Array, " M"]:
     """The stops of a very good plan, in order, then -1.
 
     Args:
-        graph: the stops.
         problem: unbatched.
         key: consumed.
         iterations: of the search.
     """
     slots = len(problem.mask)
     pick_time = jnp.where(problem.mask, problem.pick_time, jnp.inf)
-    found = search_stops(pick_time, problem.first_drive, prepared.drive, key, iterations=iterations)
+    found = search_stops(pick_time, problem.first_drive, problem.drive, key, iterations=iterations)
     return jnp.pad(found.stops, (0, max(0, slots - MAX_STOPS)), constant_values=END)[:slots]
 
 

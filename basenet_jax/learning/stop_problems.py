@@ -18,6 +18,7 @@ from basenet_jax.planners.candidates import check_candidates
 from basenet_jax.policies.stop_policy import StopScene, access_time
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.prepared_world import PreparedWorld
+from basenet_jax.task.stop_problem import make_problem
 from basenet_jax.world.boxes import Room
 from basenet_jax.world.generate import draw_scene, footprint_radius
 from basenet_jax.world.scene import BY_SLOT, Scene
@@ -52,8 +53,8 @@ def make_library(
 
     Args:
         robot: the robot.
-        table: the table.
-        graph: its stops.
+        room: the table's.
+        prepared: its stops.
         half_turn: see `half_turn_of`.
         key: consumed.
         count: half of L.
@@ -163,16 +164,13 @@ def turned_draw(draw: Draw, library: Library) -> Draw:
     return Draw(jnp.where(draw.objects < 0, -1, turn(draw.objects)), turn(draw.start))
 
 
-def problem_of(library: Library, draw: Draw) -> StopScene:
-    """The problem of one draw, or of a batch."""
+def problem_of(prepared: PreparedWorld, library: Library, draw: Draw) -> StopScene:
+    """The problem of one draw, or of a batch, on the library's stops."""
     index = jnp.maximum(draw.objects, 0)
     first_drive, pick_time = library.first_drive[draw.start], jnp.swapaxes(library.pick_time[index], -1, -2)
-    served = jnp.any(jnp.isfinite(pick_time) & jnp.isfinite(first_drive)[..., None], axis=-2)
     return StopScene(
-        pick_time=pick_time,
+        problem=make_problem(prepared.poses, prepared.drive, pick_time, first_drive, draw.objects >= 0),
         access=jnp.swapaxes(library.access[index], -1, -2),
-        first_drive=first_drive,
         robot_start=library.starts[draw.start],
         grasps=library.grasps[index],
-        mask=(draw.objects >= 0) & served,
     )

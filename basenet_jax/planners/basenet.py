@@ -21,16 +21,18 @@ from basenet_jax.compilation import Stored
 from basenet_jax.config import PickConfig, WorldConfig
 from basenet_jax.devices import Devices, use_devices
 from basenet_jax.planners.candidates import Candidates, check_candidates, estimate_times, join, only_reachable
-from basenet_jax.planners.optimistic import TOLERANCE_S, settle, stop_scenes
+from basenet_jax.planners.optimistic import TOLERANCE_S, Settled, settle, stop_scene
 from basenet_jax.planners.options import SampleOptions, StopsOptions
 from basenet_jax.planners.protocol import PlannerSetup, in_parts, no_plan
-from basenet_jax.policies.stop_policy import StopPolicy, StopScene
-from basenet_jax.policies.stop_rollout import StopPlan, cheapest, choose_best, plans_of, play, sample
+from basenet_jax.policies.stop_policy import StopPolicy, StopScene, make_scene
+from basenet_jax.policies.stop_rollout import StopPlan, cheapest, choose_best, plan_of, plans_of, play, repeated, sample
 from basenet_jax.policies.trained import load_stops
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.picking import Reason
 from basenet_jax.task.plan import Outcome, Plan, compiled_execute
 from basenet_jax.task.prepared_world import PreparedWorld, prepare_world
+from basenet_jax.task.stop_problem import BATCH_AXES as PROBLEM_AXES
+from basenet_jax.task.stop_problem import StopProblem, make_problem
 from basenet_jax.world.boxes import Room
 from basenet_jax.world.scene import Scene
 
@@ -86,44 +88,48 @@ class BaSeNet:
         What `settle` does for a batch in one program is done here by small ones, which compile side by side and are
         shared with whoever judges plans.
         """
-        times = _estimate(self._made_for.robot, self._prepared.poses, scene, config=self._program.world.pick)
-        proposal = self._settle(scene, times, _play_greedily)
+        problem = _estimate(self._made_for.robot, self._prepared, scene, config=self._program.world.pick)
+        proposal = self._settle(scene, problem, _play_greedily)
         if self._program.samples and bool(proposal.complete):
-            visited = _sample(self._made_for, self._prepared, scene, proposal.pick_time, key, program=self._program)
-            proposal = self._settle(scene, proposal.pick_time, _take_cheapest, visited)
+            problem = dataclasses.replace(problem, pick_time=proposal.pick_time)
+            visited = _sample(self._made_for.params, scene, problem, key, program=self._program)
+            proposal = self._settle(scene, problem, _take_cheapest, visited)
         return proposal.plan if bool(proposal.complete) else self._plan_everywhere(scene, key)
 
     def preparations(self, scene: Scene) -> Sequence[Callable[[], object]]:
         """What makes the programs for scenes of this shape ready, to be run by `compilation.together`."""
         program, made_for, prepared = self._program, self._made_for, self._prepared
-        times = np.zeros((len(prepared.poses), len(scene.mask)), np.float32)
+        stops, slots = len(prepared.poses), len(scene.mask)
+        costs: Any = (np.zeros((stops, slots), np.float32), np.zeros(stops, np.float32), np.asarray(scene.mask))
+        problem = make_problem(prepared.poses, prepared.drive, *costs, numpy=np)
+        known = _nothing_known(problem)
         judged = (made_for.robot, scene, no_plan(scene), self._setup.docked)
         tasks = [
             partial(compiled_execute.prepare, *judged, config=program.world),
-            partial(_play_greedily.prepare, made_for, prepared, scene, times, _nothing_known(times), program=program),
-            partial(_estimate.prepare, made_for.robot, prepared.poses, scene, config=program.world.pick),
+            partial(_play_greedily.prepare, made_for.params, scene, problem, known, program=program),
+            partial(_estimate.prepare, made_for.robot, prepared, scene, config=program.world.pick),
         ]
         if program.samples:
-            visited = np.zeros((program.samples + 1, len(scene.mask)), np.int32)
-            shown = (made_for, prepared, scene, times)
+            visited = np.zeros((program.samples + 1, slots), np.int32)
+            shown = (made_for.params, scene, problem)
             tasks += [
                 partial(_sample.prepare, *shown, jax.random.key(0), program=program),
-                partial(_take_cheapest.prepare, *shown, _nothing_known(times), visited, program=program),
+                partial(_take_cheapest.prepare, *shown, known, visited, program=program),
             ]
         return tasks
 
-    def _settle(self, scene: Scene, times: Array, choose: Stored, *shown: Array) -> "_Proposal":
+    def _settle(self, scene: Scene, problem: StopProblem, choose: Stored, *shown: Array) -> "_Proposal":
         """A proposal whose picks take what they were thought to, says the judge; or that doesn't serve everything."""
-        known = _nothing_known(times)
+        known = _nothing_known(problem)
         while True:
-            proposal = choose(self._made_for, self._prepared, scene, times, known, *shown, program=self._program)
+            proposal = choose(self._made_for.params, scene, problem, known, *shown, program=self._program)
             outcome = compiled_execute(
                 self._made_for.robot, scene, proposal.plan, self._setup.docked, config=self._program.world
             )
             complete, known, holds = jax.device_get(_compare(proposal, outcome))
             if holds or not complete:
                 return proposal
-            times = proposal.pick_time
+            problem = dataclasses.replace(problem, pick_time=proposal.pick_time)
 
     def plan_batch(self, scenes: Scene, key: Array) -> Plan:
         """Plans a batch of scenes in one program; see `BatchPlanner`."""
@@ -156,14 +162,12 @@ class BaSeNet:
             candidates, prepared = both, self._prepare(both.base_pose)
         else:
             candidates, prepared = dataclasses.replace(aligned, reason=both.reason), self._prepared
-        shown = (self._made_for, prepared, scene, candidates.pick_time)
-        nothing = _nothing_known(candidates.pick_time)
+        problem = _problem_of(setup.robot, prepared, scene, candidates)
+        nothing = _nothing_known(problem)
         if self._program.samples:
-            visited = _sample(*shown, key, program=self._program)
-            proposal = _take_cheapest(*shown, nothing, visited, program=self._program)
-        else:
-            proposal = _play_greedily(*shown, nothing, program=self._program)
-        return _with_reasons(proposal.plan, candidates)
+            visited = _sample(self._made_for.params, scene, problem, key, program=self._program)
+            return _take_cheapest(self._made_for.params, scene, problem, nothing, visited, program=self._program).plan
+        return _play_greedily(self._made_for.params, scene, problem, nothing, program=self._program).plan
 
     def _prepare(self, poses: Float[Array, "K 3"]) -> PreparedWorld:
         setup = self._setup
@@ -206,42 +210,42 @@ class _Program:
 
 
 @partial(Stored, static=("config",))
-def _estimate(robot: Robot, poses: Float[Array, "K 3"], scene: Scene, *, config: PickConfig) -> Float[Array, "K M"]:
-    return estimate_times(robot, poses, scene.grasps, scene.mask, config, pairs_at_once=_PAIRS)
+def _estimate(robot: Robot, prepared: PreparedWorld, scene: Scene, *, config: PickConfig) -> StopProblem:
+    """The problem with estimated pick times."""
+    times = estimate_times(robot, prepared.poses, scene.grasps, scene.mask, config, pairs_at_once=_PAIRS)
+    first_drive = prepared.first_drives(robot, scene.robot_start[None])[0]
+    return make_problem(prepared.poses, prepared.drive, times, first_drive, scene.mask)
+
+
+@jax.jit
+def _problem_of(robot: Robot, prepared: PreparedWorld, scene: Scene, candidates: Candidates) -> StopProblem:
+    """The problem with pick times that were checked, at the candidates that the world was prepared for."""
+    first_drive = prepared.first_drives(robot, scene.robot_start[None])[0]
+    costs = (candidates.pick_time, first_drive, scene.mask, candidates.reason)
+    return make_problem(prepared.poses, prepared.drive, *costs)
 
 
 @partial(Stored, static=("program",))
-def _play_greedily(
-    made_for: _MadeFor, prepared: PreparedWorld, scene: Scene, times: Array, known: _Known, *, program: _Program
-) -> _Proposal:
-    times, own = _stop_scene(made_for, prepared, scene, times, known)
-    visited = play(program.policy, made_for.params, prepared, own, choose_best)
-    return _propose(prepared, scene, times, plans_of(prepared, own, visited))
+def _play_greedily(params: Any, scene: Scene, problem: StopProblem, known: _Known, *, program: _Program) -> _Proposal:
+    problem = _corrected(scene, problem, known)
+    one = repeated(make_scene(problem, scene.robot_start, scene.first_grasp), 1)
+    return _propose(scene, problem, plan_of(problem, play(program.policy, params, one, choose_best)[0]))
 
 
 @partial(Stored, static=("program",))
-def _sample(
-    made_for: _MadeFor, prepared: PreparedWorld, scene: Scene, times: Array, key: Array, *, program: _Program
-) -> Int[Array, "S M"]:
+def _sample(params: Any, scene: Scene, problem: StopProblem, key: Array, *, program: _Program) -> Int[Array, "S M"]:
     """The stops of the greedy rollout and of sampled ones, on these pick times."""
-    _, own = _stop_scene(made_for, prepared, scene, times, _nothing_known(times))
-    one = jax.tree.map(lambda x: x[0], own)
-    return sample(program.policy, made_for.params, prepared, one, key, program.samples)
+    own = make_scene(_corrected(scene, problem, _nothing_known(problem)), scene.robot_start, scene.first_grasp)
+    return sample(program.policy, params, own, key, program.samples)
 
 
 @partial(Stored, static=("program",))
 def _take_cheapest(
-    made_for: _MadeFor,
-    prepared: PreparedWorld,
-    scene: Scene,
-    times: Array,
-    known: _Known,
-    visited: Int[Array, "S M"],
-    *,
-    program: _Program,
+    params: Any, scene: Scene, problem: StopProblem, known: _Known, visited: Int[Array, "S M"], *, program: _Program
 ) -> _Proposal:
-    times, own = _stop_scene(made_for, prepared, scene, times, known)
-    return _propose(prepared, scene, times, jax.vmap(cheapest, in_axes=(None, 0, None))(prepared, own, visited))
+    del params, program
+    problem = _corrected(scene, problem, known)
+    return _propose(scene, problem, cheapest(problem, visited))
 
 
 @jax.jit
@@ -253,26 +257,22 @@ def _compare(proposal: _Proposal, outcome: Outcome) -> tuple[Bool[Array, ""], _K
     return proposal.complete, _Known(stop, proposal.plan.object_index, exact), holds
 
 
-def _stop_scene(
-    made_for: _MadeFor, prepared: PreparedWorld, scene: Scene, times: Array, known: _Known
-) -> tuple[Float[Array, "K M"], StopScene]:
-    """The pick times with those that are known, and the scene on the graph by them, as a batch of one."""
-    times = jnp.asarray(times).at[known.stop, known.slot].set(jnp.asarray(known.time), mode="drop")
-    one = jax.tree.map(lambda x: x[None], scene)
-    return times, stop_scenes(made_for.robot, prepared, one, times[None])
+def _corrected(scene: Scene, problem: StopProblem, known: _Known) -> StopProblem:
+    """The problem with the pick times that are known; objects that no stop serves any more are left out."""
+    times = problem.pick_time.at[known.stop, known.slot].set(jnp.asarray(known.time), mode="drop")
+    reason = jnp.where(problem.mask, int(Reason.OUT_OF_REACH), problem.reason)
+    return make_problem(problem.poses, problem.drive, times, problem.first_drive, scene.mask, reason)
 
 
-def _propose(prepared: PreparedWorld, scene: Scene, times: Float[Array, "K M"], stops: StopPlan) -> _Proposal:
-    """The proposal of a batch of one."""
-    own = jax.tree.map(lambda x: x[0], stops)
-    unserved = jnp.full(scene.mask.shape, int(Reason.UNREACHABLE))
-    plan, stop = _as_plan(scene, own, prepared, unserved)
-    thought = times[stop, jnp.maximum(plan.object_index, 0)]
-    return _Proposal(plan, jnp.all((own.picked_at >= 0) | ~scene.mask), stop, thought, times)
+def _propose(scene: Scene, problem: StopProblem, stops: StopPlan) -> _Proposal:
+    plan, stop = _as_plan(scene, problem, stops)
+    thought = problem.pick_time[stop, jnp.maximum(plan.object_index, 0)]
+    complete = jnp.all((stops.picked_at >= 0) | ~scene.mask)
+    return _Proposal(plan, complete, stop, thought, problem.pick_time)
 
 
-def _nothing_known(times: ArrayLike) -> _Known:
-    stops, slots = np.shape(times)
+def _nothing_known(problem: StopProblem) -> _Known:
+    stops, slots = problem.pick_time.shape
     return _Known(np.full(slots, stops, np.int32), np.zeros(slots, np.int32), np.zeros(slots, np.float32))
 
 
@@ -284,30 +284,33 @@ def _plan_many(
     robot, room, params = made_for
     at_once = min(len(scenes.mask), _PAIRS_AT_ONCE // _PAIRS) * _PAIRS
     times = estimate_times(robot, prepared.poses, scenes.grasps, scenes.mask, program.world.pick, pairs_at_once=at_once)
+    first_drive = prepared.first_drives(robot, scenes.robot_start)
 
     def play_greedily(own: StopScene) -> StopPlan:
-        return plans_of(prepared, own, play(program.policy, params, prepared, own, choose_best))
+        return plans_of(own.problem, play(program.policy, params, own, choose_best))
 
-    greedy = settle(robot, room, prepared, scenes, times, play_greedily, program.world, at_once=_SCENES_AT_ONCE)
+    def settled(scenes: Scene, first_drive: Array, times: Array, choose: Any, at_once: int) -> Settled:
+        return settle(robot, room, prepared, scenes, first_drive, times, choose, program.world, at_once=at_once)
 
-    def sample_one(own: tuple[Scene, Array, Array]) -> StopPlan:
+    greedy = settled(scenes, first_drive, times, play_greedily, _SCENES_AT_ONCE)
+
+    def sample_one(own: tuple[Scene, Array, Array, Array]) -> StopPlan:
         """On the times that the greedy plan left, so that the best of all is no worse than it."""
-        scene, times, key = own
-        batch = jax.tree.map(lambda x: x[None], scene)
-        problem = stop_scenes(robot, prepared, batch, times[None])
-        one = jax.tree.map(lambda x: x[0], problem)
-        visited = sample(program.policy, params, prepared, one, key, program.samples)
+        scene, first_drive, times, key = own
+        on_stops = stop_scene(prepared, scene, first_drive, times)
+        visited = sample(program.policy, params, on_stops, key, program.samples)
 
         def take_cheapest(own: StopScene) -> StopPlan:
-            return jax.vmap(cheapest, in_axes=(None, 0, None))(prepared, own, visited)
+            return jax.vmap(cheapest, in_axes=(PROBLEM_AXES, None))(own.problem, visited)
 
-        settled = settle(robot, room, prepared, batch, times[None], take_cheapest, program.world, at_once=1)
-        return jax.tree.map(lambda x: x[0], settled.plan)
+        alone = jax.tree.map(lambda x: x[None], (scene, first_drive, times))
+        plan = settled(*alone, choose=take_cheapest, at_once=1).plan
+        return jax.tree.map(lambda x: x[0], plan)
 
-    sampled = program.samples > 0
-    stops = jax.lax.map(sample_one, (scenes, greedy.pick_time, keys)) if sampled else greedy.plan
-    unserved = jnp.full(scenes.mask.shape, int(Reason.UNREACHABLE))
-    plans, _ = jax.vmap(_as_plan, in_axes=(0, 0, None, 0))(scenes, stops, prepared, unserved)
+    shown = (scenes, first_drive, greedy.pick_time)
+    stops = jax.lax.map(sample_one, (*shown, keys)) if program.samples > 0 else greedy.plan
+    problems = stop_scene(prepared, *shown).problem
+    plans, _ = jax.vmap(_as_plan, in_axes=(0, PROBLEM_AXES, 0))(scenes, problems, stops)
     return plans, jnp.all((stops.picked_at >= 0) | ~scenes.mask, axis=-1)
 
 
@@ -319,26 +322,18 @@ def _plan_apart(
     return plan(made_for, scenes, prepared, keys)
 
 
-@jax.jit
-def _with_reasons(plan: Plan, candidates: Candidates) -> Plan:
-    """The plan, with why its unserved objects are not: no candidate serves them, or none that does can be reached."""
-    reachable = jnp.any(jnp.isfinite(candidates.pick_time), axis=0)
-    reason = jnp.where(reachable, int(Reason.UNREACHABLE), candidates.reason)[jnp.maximum(plan.object_index, 0)]
-    given = plan.served | (plan.object_index < 0)
-    return dataclasses.replace(plan, reason=jnp.where(given, int(Reason.NONE), reason))
-
-
-def _as_plan(scene: Scene, stops: StopPlan, prepared: PreparedWorld, reason: Array) -> tuple[Plan, Int[Array, " M"]]:
+def _as_plan(scene: Scene, problem: StopProblem, stops: StopPlan) -> tuple[Plan, Int[Array, " M"]]:
     """One step for each object, by its visit; those not served come last. And each step's stop."""
     last = len(scene.mask)
     visit = jnp.where(stops.picked_at >= 0, stops.picked_at, jnp.where(scene.mask, last, last + 1))
     order = jnp.argsort(visit, stable=True)
     served = visit[order] < last
+    reason = jnp.where(problem.mask, int(Reason.UNREACHABLE), problem.reason)[order]  # of those that no visit serves
     stop = jnp.maximum(stops.stops[jnp.minimum(visit[order], last - 1)], 0)
     plan = Plan(
         object_index=jnp.where(scene.mask[order], order, -1),
-        base_pose=jnp.where(served[:, None], prepared.poses[stop], 0.0),
+        base_pose=jnp.where(served[:, None], problem.poses[stop], 0.0),
         served=served,
-        reason=jnp.where(served | ~scene.mask[order], int(Reason.NONE), reason[order]),
+        reason=jnp.where(served | ~scene.mask[order], int(Reason.NONE), reason),
     )
     return plan, stop

@@ -9,7 +9,6 @@ LazySP does for shortest paths: Dellin and Srinivasa, ICAPS 2016.)
 from collections.abc import Callable
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Bool, Float
@@ -21,13 +20,12 @@ from basenet_jax.policies.stop_rollout import StopPlan
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.picking import pick
 from basenet_jax.task.prepared_world import PreparedWorld
+from basenet_jax.task.stop_problem import make_problem
 from basenet_jax.world.boxes import Room
 from basenet_jax.world.grasps import Grasps
 from basenet_jax.world.scene import Scene
 
 TOLERANCE_S = 0.02  # refinement changes less
-
-_make_scenes = jax.vmap(make_scene, in_axes=(None, 0, 0, 0, 0, 0))
 
 
 class Settled(NamedTuple):
@@ -43,6 +41,7 @@ def settle(
     room: Room,
     prepared: PreparedWorld,
     scenes: Scene,
+    first_drive: Float[Array, "B K"],
     pick_time: Float[Array, "B K M"],
     choose: Callable[[StopScene], StopPlan],
     world: WorldConfig,
@@ -53,10 +52,11 @@ def settle(
 
     Args:
         robot: the robot.
-        table: of all scenes.
-        graph: the stops.
+        room: of all scenes.
+        prepared: the stops.
         scenes: a batch.
-        pick_time: estimates, or exact.
+        first_drive: s, from where the robot starts.
+        pick_time: s, estimates, or exact.
         choose: plans for a batch of `at_once` scenes on the graph.
         world: of drives and picks.
         at_once: scenes planned and checked in one round, of those whose plan doesn't hold yet.
@@ -65,8 +65,8 @@ def settle(
     at_once = min(at_once, count)
 
     def improve(index: Array, state: Settled) -> Settled:
-        some = rounds.take(scenes, index, axis=0)
-        own = stop_scenes(robot, prepared, some, state.pick_time)
+        some, first = rounds.take((scenes, first_drive), index, axis=0)
+        own = stop_scene(prepared, some, first, state.pick_time)
         plan = choose(own)
         checked, holds = _check(robot, room, prepared, some.grasps, own, plan, world)
         return Settled(checked, plan, holds)
@@ -77,10 +77,15 @@ def settle(
     return rounds.until_settled(lambda state: ~state.holds, improve, start, at_once, axis=0)
 
 
-def stop_scenes(robot: Robot, prepared: PreparedWorld, scenes: Scene, pick_time: Float[Array, "B K M"]) -> StopScene:
-    """A batch of scenes on the graph, by these pick times (s)."""
-    first_drive = prepared.first_drives(robot, scenes.robot_start)
-    return _make_scenes(prepared, pick_time, first_drive, scenes.robot_start, scenes.first_grasp, scenes.mask)
+def stop_scene(
+    prepared: PreparedWorld,
+    scene: Scene,
+    first_drive: Float[Array, "*batch K"],
+    pick_time: Float[Array, "*batch K M"],
+) -> StopScene:
+    """A scene, or a batch, on the prepared stops, by these times (s)."""
+    problem = make_problem(prepared.poses, prepared.drive, pick_time, first_drive, scene.mask)
+    return make_scene(problem, scene.robot_start, scene.first_grasp)
 
 
 def _check(
@@ -96,9 +101,9 @@ def _check(
     used = plan.picked_at >= 0
     stop = jnp.take_along_axis(plan.stops, jnp.maximum(plan.picked_at, 0), axis=-1)
     scene, slot = jnp.indices(stop.shape)
-    thought = own.pick_time[scene, stop, slot]
+    thought = own.problem.pick_time[scene, stop, slot]
     picks = pick(robot, prepared.poses[stop], grasps, room, world.pick)
     exact = jnp.where(picks.feasible, picks.time, jnp.inf)
     right = ~used | (jnp.abs(exact - thought) <= TOLERANCE_S)
-    corrected = own.pick_time.at[scene, stop, slot].set(jnp.where(used, exact, thought))
+    corrected = own.problem.pick_time.at[scene, stop, slot].set(jnp.where(used, exact, thought))
     return corrected, jnp.all(right, axis=-1)

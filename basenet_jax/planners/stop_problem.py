@@ -1,7 +1,7 @@
-"""A scene as a problem on a graph of stops: what picks cost at each, and drives between them."""
+"""The problem that exact planning and search are given: of few sizes, so that little is compiled."""
 
 from collections import defaultdict
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -14,8 +14,8 @@ from basenet_jax.planners.exact_sequence import best_sequence, sets_of
 from basenet_jax.planners.protocol import assemble_plan
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.drives import Drives
-from basenet_jax.task.picking import Reason
 from basenet_jax.task.plan import Plan
+from basenet_jax.task.stop_problem import StopProblem, make_problem
 from basenet_jax.world.scene import Scene
 
 _BUCKET = 256  # the number of stops is rounded up to a multiple, so that few shapes are compiled
@@ -45,28 +45,26 @@ class Sizes:
         return columns, size
 
 
-class StopProblem(NamedTuple):
-    """P stops, of which every one serves something but those that fill up, and the N objects that are served. In s.
+class SizedProblem(NamedTuple):
+    """A scene's problem cut down to what counts, then filled up to a size that few programs are compiled for.
 
-    C columns, of which the first N are the objects'; the others fill up.
+    Its columns are the objects that can be had and then none, in an order of their own; so those of the scene are told
+    apart from them.
     """
 
-    pick_time: Float[Array, "P C"]  # infinite where the stop doesn't serve the object
-    first_drive: Float[Array, " P"]  # from the robot's start
-    drive: Float[Array, "P P"]  # from stop to stop; 0 for staying
-    poses: Float[np.ndarray, "P 3"]  # (x, y, heading) in W
-    slots: Int[np.ndarray, " N"]  # of the objects
+    problem: StopProblem  # P stops, of which every one serves something but those that fill up, and C columns
+    slots: Int[np.ndarray, " N"]  # of the first columns' objects
     reason: Int[np.ndarray, " M"]  # a `Reason`, by slot: why an object is not among them
 
     @property
     def costs(self) -> tuple[Float[Array, "P C"], Float[Array, " P"], Float[Array, "P P"]]:
         """What planners of sequences take: pick times, first drives, drives between the stops."""
-        return self.pick_time, self.first_drive, self.drive
+        return self.problem.pick_time, self.problem.first_drive, self.problem.drive
 
     def best_steps(self) -> tuple[Int[np.ndarray, " N"], Int[np.ndarray, " N"]]:
         """The cheapest way to pick all N objects, at least one: which is picked by each step, at which of the stops."""
         count = len(self.slots)
-        order, stops = jax.device_get(_best_sequence(*self.costs, sets_of(count, self.pick_time.shape[1])))
+        order, stops = jax.device_get(_best_sequence(*self.costs, sets_of(count, len(self.problem.mask))))
         return order[-count:], stops[-count:]
 
     def plan(self, scene: Scene, order: Int[np.ndarray, " S"], stops: Int[np.ndarray, " S"]) -> Plan:
@@ -77,7 +75,7 @@ class StopProblem(NamedTuple):
             order: which of the N objects each step picks.
             stops: at which of the P stops.
         """
-        return assemble_plan(scene, self.slots[order], self.poses[stops], self.reason)
+        return assemble_plan(scene, self.slots[order], np.asarray(self.problem.poses)[stops], self.reason)
 
     def plan_nothing(self, scene: Scene) -> Plan:
         """The plan of no step, where nothing is served."""
@@ -87,7 +85,7 @@ class StopProblem(NamedTuple):
 
 def stop_problem(
     robot: Robot, drives: Drives, scene: Scene, candidates: Candidates, sizes: Sizes | None = None
-) -> StopProblem:
+) -> SizedProblem:
     """The problem on the useful candidates.
 
     Args:
@@ -97,21 +95,25 @@ def stop_problem(
         candidates: base poses with validated costs.
         sizes: of the problems before; None: a column for each object, and stops in whole buckets.
     """
-    pick_time, pose = np.asarray(candidates.pick_time), np.asarray(candidates.base_pose)
+    poses, times, reason, mask = jax.device_get(
+        (candidates.base_pose, candidates.pick_time, candidates.reason, scene.mask)
+    )
     first = np.asarray(drives.matrix(robot, scene.robot_start[None], candidates.base_pose))[0]
-    # What only such poses serve can't be had. Round one table no drive leads to them, wherever it begins: they are
-    # inside the table grown by the path margin. In a room they are shut in.
-    reachable = np.isfinite(first)
-    served = np.flatnonzero(np.any(np.isfinite(pick_time[reachable]), axis=0))
-    reason = np.where(np.any(np.isfinite(pick_time), axis=0), int(Reason.UNREACHABLE), np.asarray(candidates.reason))
+    # What only poses with an infinite first drive serve can't be had. Round one table no drive leads to them, wherever
+    # it begins: they are inside the table grown by the path margin. In a room they are shut in.
+    nothing: Any = np.zeros((0, 0))
+    whole = make_problem(poses, nothing, times, first, mask, reason, np)
+    served = np.flatnonzero(whole.mask)
     # A pose that serves nothing is no stop of any plan, since each step of a plan picks.
-    useful = np.flatnonzero(reachable & np.any(np.isfinite(pick_time), axis=1))
+    useful = np.flatnonzero(np.isfinite(first) & np.any(np.isfinite(times), axis=1))
     columns, stops = len(served), len(useful) + -len(useful) % _BUCKET
     if sizes is not None:
-        columns, stops = sizes.fit(np.asarray(scene.mask), len(served), len(useful))
+        columns, stops = sizes.fit(np.asarray(mask), len(served), len(useful))
     padding, empty = stops - len(useful), columns - len(served)
-    poses = np.pad(pose[useful], ((0, padding), (0, 0)))
-    picks = np.pad(pick_time[np.ix_(useful, served)], ((0, padding), (0, empty)), constant_values=np.inf)
+    poses = np.pad(poses[useful], ((0, padding), (0, 0)))
+    times = np.pad(times[np.ix_(useful, served)], ((0, padding), (0, empty)), constant_values=np.inf)
     first = np.pad(first[useful], (0, padding), constant_values=np.inf)
     drive = jnp.asarray(drives.matrix(robot, poses, poses))
-    return StopProblem(jax.device_put(picks), jax.device_put(first), drive, poses, served, reason)
+    there = np.arange(columns) < len(served)
+    problem = make_problem(poses, drive, jax.device_put(times), jax.device_put(first), there, numpy=np)
+    return SizedProblem(problem, served, np.asarray(whole.reason))

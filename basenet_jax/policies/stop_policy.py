@@ -5,7 +5,7 @@ objects are left but the least pick time of each among the stops visited so far 
 starts as a rule, the one of greedy stops extended to such states, and learns what to add to its scores.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import flax.linen as nn
 import jax
@@ -16,7 +16,8 @@ from jaxtyping import Bool, Float
 from basenet_jax import struct
 from basenet_jax.policies.graph_attention import FirstLayer, Layer, dense
 from basenet_jax.policies.grasp_sequence import object_features, robot_features
-from basenet_jax.task.prepared_world import PreparedWorld
+from basenet_jax.task.stop_problem import BATCH_AXES as PROBLEM_AXES
+from basenet_jax.task.stop_problem import StopProblem
 
 _SECONDS = 0.25  # brings times to the order of one
 _BASES = 5
@@ -24,14 +25,16 @@ _BASES = 5
 
 @struct.dataclass
 class StopScene:
-    """One scene on the graph, or a batch; times in s. Nothing that a padded object holds matters."""
+    """A problem with where things are, which the network reads and planners of sequences don't ask."""
 
-    pick_time: Float[Array, "*batch K M"]  # infinite where the stop doesn't serve the object
+    problem: StopProblem
     access: Float[Array, "*batch K M"]  # see `access_time`
-    first_drive: Float[Array, "*batch K"]  # from the robot's start
     robot_start: Float[Array, "*batch 3"]  # in W
     grasps: Float[Array, "*batch M 4"]  # tool0's x, y, z, yaw in W
-    mask: Bool[Array, "*batch M"]  # objects that some stop serves
+
+
+_EACH: Any = 0
+BATCH_AXES = StopScene(problem=PROBLEM_AXES, access=_EACH, robot_start=_EACH, grasps=_EACH)  # of a batch, for `vmap`
 
 
 class StopState(NamedTuple):
@@ -54,16 +57,11 @@ def access_time(drive: Float[Array, "K K"], pick_time: Float[Array, "K M"]) -> F
 
 
 def make_scene(
-    prepared: PreparedWorld,
-    pick_time: Float[Array, "K M"],
-    first_drive: Float[Array, " K"],
-    robot_start: Float[Array, "3"],
-    grasps: Float[Array, "M 4"],
-    mask: Bool[Array, " M"],
+    problem: StopProblem, robot_start: Float[Array, "*batch 3"], grasps: Float[Array, "*batch M 4"]
 ) -> StopScene:
-    """The problem of one scene; objects that no stop serves are left out."""
-    mask = mask & jnp.any(jnp.isfinite(pick_time) & jnp.isfinite(first_drive)[:, None], axis=0)
-    return StopScene(pick_time, access_time(prepared.drive, pick_time), first_drive, robot_start, grasps, mask)
+    """A problem, or a batch, as the policy sees it."""
+    access = jnp.vectorize(access_time, signature="(k,k),(k,m)->(k,m)")(problem.drive, problem.pick_time)
+    return StopScene(problem, access, robot_start, grasps)
 
 
 class StopPolicy(nn.Module):
@@ -74,22 +72,21 @@ class StopPolicy(nn.Module):
     considered: int = 64  # only so many stops, the best by the rule, are looked at: most others are hopeless
 
     @nn.compact
-    def __call__(
-        self, prepared: PreparedWorld, problem: StopScene, state: StopState
-    ) -> tuple[Float[Array, "*batch K"], Float[Array, "*batch"]]:
+    def __call__(self, scene: StopScene, state: StopState) -> tuple[Float[Array, "*batch K"], Float[Array, "*batch"]]:
         """Logits of a categorical distribution over the stops and, apart, of the choice to end.
 
         Minus infinity: not allowed. Always allowed is a stop that serves another object or, if there is none, to end.
         """
-        everywhere = _Views(problem, state, problem.pick_time, problem.access, state.drive)
+        problem = scene.problem
+        everywhere = _Views(scene, state, problem.pick_time, scene.access, state.drive)
         allowed, may_end = _allowed(everywhere, state)
         rule = jnp.where(allowed, RulePrior(name="rule")(everywhere), -jnp.inf)
         prior, stops = jax.lax.top_k(rule, min(self.considered, rule.shape[-1]))
         views = _Views(
-            problem,
+            scene,
             state,
             jnp.take_along_axis(problem.pick_time, stops[..., None], axis=-2),
-            jnp.take_along_axis(problem.access, stops[..., None], axis=-2),
+            jnp.take_along_axis(scene.access, stops[..., None], axis=-2),
             jnp.take_along_axis(state.drive, stops, axis=-1),
             least=everywhere.least,
         )
@@ -100,7 +97,7 @@ class StopPolicy(nn.Module):
         nodes = jnp.where(problem.mask[..., None], nodes, 0.0)
         context = dense(self.features, "context")(jnp.sum(nodes, axis=-2))
         hidden = self._offers(nodes, views) + context[..., None, :]
-        hidden = hidden + dense(self.features, "stop")(_stop_features(prepared.poses[stops], views))
+        hidden = hidden + dense(self.features, "stop")(_stop_features(problem.poses[stops], views))
         hidden = nn.relu(dense(self.features)(nn.relu(hidden)))
         score = nn.Dense(1, kernel_init=nn.initializers.zeros, name="score")(hidden)[..., 0]
         end = nn.Dense(1, kernel_init=nn.initializers.zeros, name="end")(nn.relu(context))[..., 0]
@@ -145,7 +142,7 @@ class _Views:
 
     def __init__(
         self,
-        problem: StopScene,
+        scene: StopScene,
         state: StopState,
         pick: Float[Array, "*batch K M"],
         access: Float[Array, "*batch K M"],
@@ -153,9 +150,9 @@ class _Views:
         least: Float[Array, "*batch M"] | None = None,
     ):
         """Of some stops, with what concerns them; `least`, each object's least pick time, is over these by default."""
-        best, mask = state.best[..., None, :], problem.mask[..., None, :]
+        best, mask = state.best[..., None, :], scene.problem.mask[..., None, :]
         serves, waiting = jnp.isfinite(pick) & mask, mask & ~jnp.isfinite(best)
-        self.problem = problem
+        self.scene = scene
         self.least = jnp.min(jnp.where(mask, pick, 0.0), axis=-2) if least is None else least
         self.drive = _finite(drive)
         self.waiting = waiting[..., 0, :]  # objects not served yet
@@ -170,7 +167,7 @@ class _Views:
     def node_features(self) -> Float[Array, "*batch M inputs"]:
         """The grasp, and how the object stands."""
         extra = [self.waiting, _SECONDS * self.improvable, _SECONDS * (self.least - 10.0), 0.01 * self.stops]
-        grasps = jnp.where(self.problem.mask[..., None], self.problem.grasps, 0.0)
+        grasps = jnp.where(self.scene.problem.mask[..., None], self.scene.grasps, 0.0)
         return jnp.concatenate([object_features(grasps), jnp.stack(extra, axis=-1)], axis=-1)
 
     def bases(self) -> Float[Array, "*batch K M bases"]:

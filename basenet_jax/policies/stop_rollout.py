@@ -8,8 +8,9 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Bool, Float, Int
 
-from basenet_jax.policies.stop_policy import StopPolicy, StopScene, StopState
-from basenet_jax.task.prepared_world import PreparedWorld
+from basenet_jax.policies.stop_policy import BATCH_AXES, StopPolicy, StopScene, StopState
+from basenet_jax.task.stop_problem import BATCH_AXES as PROBLEM_AXES
+from basenet_jax.task.stop_problem import StopProblem
 
 END = -1  # the choice to end, and padding of a sequence of stops
 
@@ -22,20 +23,21 @@ class StopPlan(NamedTuple):
     cost: Float[Array, "*batch"]  # s, of all drives and picks
 
 
-def start(problem: StopScene) -> StopState:
+def start(scene: StopScene) -> StopState:
     """Before the first drive."""
+    problem = scene.problem
     best = jnp.full(problem.mask.shape, jnp.inf, problem.pick_time.dtype)
-    return StopState(problem.robot_start, problem.first_drive, best, jnp.zeros(best.shape[:-1], best.dtype))
+    return StopState(scene.robot_start, problem.first_drive, best, jnp.zeros(best.shape[:-1], best.dtype))
 
 
-def visit(prepared: PreparedWorld, problem: StopScene, state: StopState, stop: Int[Array, "*batch"]) -> StopState:
+def visit(problem: StopProblem, state: StopState, stop: Int[Array, "*batch"]) -> StopState:
     """After driving to a stop; the same state for `END`."""
     goes, stop = stop != END, jnp.maximum(stop, 0)
     here = jnp.take_along_axis(problem.pick_time, stop[..., None, None], axis=-2)[..., 0, :]
     served = problem.mask & ~jnp.isfinite(state.best) & jnp.isfinite(here)
     after = StopState(
-        robot_pose=prepared.poses[stop],
-        drive=prepared.drive[stop],
+        robot_pose=problem.poses[stop],
+        drive=problem.drive[stop],
         best=jnp.where(problem.mask, jnp.minimum(state.best, here), jnp.inf),
         # One visit is gone, and no visit need be kept for what is served now.
         spare=state.spare - 1 + jnp.sum(served, axis=-1),
@@ -66,10 +68,9 @@ def choose_randomly(key: Array) -> Choose:
     return choose
 
 
-def play(
-    policy: StopPolicy, params: Any, prepared: PreparedWorld, problem: StopScene, choose: Choose
-) -> Int[Array, "*batch M"]:
+def play(policy: StopPolicy, params: Any, scene: StopScene, choose: Choose) -> Int[Array, "*batch M"]:
     """The stops visited, then `END`; it goes on until all episodes of the batch have ended."""
+    problem = scene.problem
     slots = problem.mask.shape[-1]
 
     def goes_on(carry: tuple[Array, StopState, Array, Array]) -> Array:
@@ -78,21 +79,20 @@ def play(
 
     def advance(carry: tuple[Array, StopState, Array, Array]) -> tuple[Array, StopState, Array, Array]:
         step, state, visited, going = carry
-        logits: Any = policy.apply(params, prepared, problem, state)
+        logits: Any = policy.apply(params, scene, state)
         stop = jnp.where(going, choose(logits[0], logits[1], step), END)
         visited = jax.lax.dynamic_update_index_in_dim(visited, stop.astype(visited.dtype), step, axis=-1)
-        return step + 1, visit(prepared, problem, state, stop), visited, going & (stop != END)
+        return step + 1, visit(scene.problem, state, stop), visited, going & (stop != END)
 
     visited = jnp.full(problem.mask.shape, END, jnp.int32)
-    nothing = (jnp.array(0), start(problem), visited, jnp.any(problem.mask, axis=-1))
+    nothing = (jnp.array(0), start(scene), visited, jnp.any(problem.mask, axis=-1))
     return jax.lax.while_loop(goes_on, advance, nothing)[2]
 
 
-def plan_of(prepared: PreparedWorld, problem: StopScene, visited: Int[Array, " M"]) -> StopPlan:
+def plan_of(problem: StopProblem, visited: Int[Array, " M"]) -> StopPlan:
     """The plan of one sequence of stops: each object at the visit that picks it fastest, idle visits left out.
 
     Args:
-        graph: the stops.
         problem: unbatched.
         visited: stops in order, then -1.
 
@@ -105,26 +105,28 @@ def plan_of(prepared: PreparedWorld, problem: StopScene, visited: Int[Array, " M
     stops = jnp.where(used, visited, END)
 
     def drive(before: Array, stop: Array) -> tuple[Array, Array]:
-        leg = jnp.where(before == END, problem.first_drive[stop], prepared.drive[before, stop])
+        leg = jnp.where(before == END, problem.first_drive[stop], problem.drive[before, stop])
         return jnp.where(stop == END, before, stop), jnp.where(stop == END, 0.0, leg)
 
     _, legs = jax.lax.scan(drive, jnp.array(END, stops.dtype), stops)
     return StopPlan(stops, picked_at, jnp.sum(legs) + jnp.sum(jnp.where(problem.mask, jnp.min(at, axis=0), 0.0)))
 
 
-plans_of = jax.vmap(plan_of, in_axes=(None, 0, 0))  # of a batch
+plans_of = jax.vmap(plan_of, in_axes=(PROBLEM_AXES, 0))  # of a batch
 
 
-def sample(
-    policy: StopPolicy, params: Any, prepared: PreparedWorld, problem: StopScene, key: Array, samples: int
-) -> Int[Array, "S M"]:
+def repeated(scene: StopScene, count: int) -> StopScene:
+    """A batch of one scene so many times."""
+    return jax.vmap(lambda _: scene, out_axes=BATCH_AXES)(jnp.arange(count))
+
+
+def sample(policy: StopPolicy, params: Any, scene: StopScene, key: Array, samples: int) -> Int[Array, "S M"]:
     """The stops of the greedy rollout, then of some sampled ones, for one scene.
 
     Args:
         policy: the network.
         params: its parameters.
-        graph: the stops.
-        problem: unbatched.
+        scene: unbatched.
         key: consumed.
         samples: how many are played in parallel beside the greedy one; one less than S.
     """
@@ -133,21 +135,19 @@ def sample(
         drawn = choose_randomly(key)(stops, end, step)
         return drawn.at[0].set(choose_best(stops, end, step)[0])
 
-    many = jax.tree.map(lambda x: jnp.broadcast_to(x, (samples + 1, *x.shape)), problem)
-    return play(policy, params, prepared, many, choose)
+    return play(policy, params, repeated(scene, samples + 1), choose)
 
 
-def cheapest(prepared: PreparedWorld, problem: StopScene, visited: Int[Array, "S M"]) -> StopPlan:
+def cheapest(problem: StopProblem, visited: Int[Array, "S M"]) -> StopPlan:
     """The cheapest of one scene's sequences of stops, as a plan."""
-    plans = jax.vmap(plan_of, in_axes=(None, None, 0))(prepared, problem, visited)
+    plans = jax.vmap(plan_of, in_axes=(None, 0))(problem, visited)
     return jax.tree.map(lambda x: x[jnp.argmin(plans.cost)], plans)
 
 
 def choices_gradient(
     policy: StopPolicy,
     params: Any,
-    prepared: PreparedWorld,
-    problem: StopScene,
+    scenes: StopScene,
     visited: Int[Array, "B M"],
     weight: Float[Array, " B"],
 ) -> tuple[Any, Float[Array, ""], Float[Array, ""]]:
@@ -160,8 +160,7 @@ def choices_gradient(
     Args:
         policy: the network.
         params: its parameters.
-        graph: the stops.
-        problem: a batch.
+        scenes: a batch.
         visited: stops in order, then -1: the first of these is the choice to end.
         weight: of the sequences.
 
@@ -173,14 +172,14 @@ def choices_gradient(
         step, state, counts, gradient, sums = carry
         stop = jax.lax.dynamic_index_in_dim(visited, step, axis=-1, keepdims=False)
         (value, entropy), own = jax.value_and_grad(_surprise, argnums=1, has_aux=True)(
-            policy, params, prepared, problem, state, stop, jnp.where(counts, weight, 0.0), counts
+            policy, params, scenes, state, stop, jnp.where(counts, weight, 0.0), counts
         )
         sums += jnp.stack([value, entropy / len(visited)])
-        after = visit(prepared, problem, state, stop)
+        after = visit(scenes.problem, state, stop)
         return step + 1, after, counts & (stop != END), jax.tree.map(jnp.add, gradient, own), sums
 
-    counts: Bool[Array, " B"] = jnp.any(problem.mask, axis=-1)
-    nothing = (jnp.array(0), start(problem), counts, jax.tree.map(jnp.zeros_like, params), jnp.zeros(2))
+    counts: Bool[Array, " B"] = jnp.any(scenes.problem.mask, axis=-1)
+    nothing = (jnp.array(0), start(scenes), counts, jax.tree.map(jnp.zeros_like, params), jnp.zeros(2))
     done = jax.lax.while_loop(lambda c: (c[0] < visited.shape[-1]) & jnp.any(c[2]), accumulate, nothing)
     return done[3], *done[4]
 
@@ -188,15 +187,14 @@ def choices_gradient(
 def _surprise(
     policy: StopPolicy,
     params: Any,
-    prepared: PreparedWorld,
-    problem: StopScene,
+    scene: StopScene,
     state: StopState,
     stop: Int[Array, " B"],
     weight: Float[Array, " B"],
     counts: Bool[Array, " B"],
 ) -> tuple[Float[Array, ""], Float[Array, ""]]:
     """Mean of the weighted -log probability of one choice, and the sum of the entropies."""
-    logits: Any = policy.apply(params, prepared, problem, state)
+    logits: Any = policy.apply(params, scene, state)
     logs = jax.nn.log_softmax(jnp.where(counts[:, None], jnp.concatenate([logits[0], logits[1][:, None]], -1), 0.0))
     chosen = jnp.take_along_axis(logs, jnp.where(stop == END, logs.shape[-1] - 1, stop)[:, None], axis=-1)[:, 0]
     entropy = -jnp.sum(jnp.exp(logs) * jnp.where(jnp.isfinite(logs), logs, 0.0), axis=-1)

@@ -16,7 +16,7 @@ from basenet_jax.policies.networks import read_networks
 from basenet_jax.policies.stop_policy import StopPolicy, make_scene
 from basenet_jax.policies.stop_rollout import start
 from basenet_jax.robot.reading import DEFAULT_ROBOT
-from basenet_jax.task.prepared_world import PreparedWorld
+from basenet_jax.task.stop_problem import make_problem
 from basenet_jax.weights_file import load_described
 
 PACKAGED = "default.weights"
@@ -109,6 +109,7 @@ def untrained_sequence(network: GraspSequencePolicy = GraspSequencePolicy()) -> 
 
 def untrained_stops(policy: StopPolicy = StopPolicy()) -> Any:
     """Parameters of a stop policy as it begins, for their shapes: see `load_weights`."""
-    prepared = PreparedWorld(None, jnp.zeros((1, 3)), None, jnp.zeros((1, 1)))
-    scene = make_scene(prepared, jnp.zeros((1, 1)), jnp.zeros(1), jnp.zeros(3), jnp.zeros((1, 4)), jnp.ones(1, bool))
-    return policy.init(jax.random.key(0), prepared, scene, start(scene))
+    nothing = jnp.zeros((1, 1))
+    problem = make_problem(jnp.zeros((1, 3)), nothing, nothing, jnp.zeros(1), jnp.ones(1, bool))
+    scene = make_scene(problem, jnp.zeros(3), jnp.zeros((1, 4)))
+    return policy.init(jax.random.key(0), scene, start(scene))

@@ -17,14 +17,13 @@ from basenet_jax.task.drives import Drives
 class PreparedWorld:
     """K stops in a room, the same for all scenes in it."""
 
-    drives: Drives | None  # None: nobody asks for drives from elsewhere
+    drives: Drives
     poses: Float[Array, "K 3"]  # (x, y, heading) in W
     ends: Any  # of the poses, see `task.drives`
     drive: Float[Array, "K K"]  # s, from stop to stop; infinite where there is no way
 
     def first_drives(self, robot: Robot, start: Float[Array, "B 3"]) -> Float[Array, "B K"]:
         """Times (s) of drives from some poses, such as where the robot starts, to all stops."""
-        assert self.drives is not None
         return self.drives.times(robot, self.drives.ends(robot, start), self.ends)
 
 

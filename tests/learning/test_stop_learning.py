@@ -44,8 +44,8 @@ def begun(learner):
 
 
 @pytest.fixture(scope="module")
-def examples(begun):
-    return jax.jit(problem_of)(begun.library, begun.examples)
+def examples(learner, begun):
+    return jax.jit(problem_of)(learner.prepared, begun.library, begun.examples)
 
 
 def test_drawn_objects_do_not_overlap(begun):
@@ -64,20 +64,20 @@ def test_drawn_objects_do_not_overlap(begun):
 def test_problems_hold_what_the_library_does(learner, begun, examples):
     library, objects = begun.library, np.asarray(begun.examples.objects)
     assert set(np.sum(objects >= 0, axis=1)) == {1, 2, 3, 4}
-    access = jax.jit(jax.vmap(access_time, in_axes=(None, 0)))(learner.prepared.drive, examples.pick_time)
-    for e, slot in zip(*np.nonzero(examples.mask), strict=True):
+    access = jax.jit(jax.vmap(access_time, in_axes=(None, 0)))(learner.prepared.drive, examples.problem.pick_time)
+    for e, slot in zip(*np.nonzero(examples.problem.mask), strict=True):
         np.testing.assert_array_equal(examples.grasps[e, slot], library.grasps[objects[e, slot]])
-        np.testing.assert_array_equal(examples.pick_time[e, :, slot], library.pick_time[objects[e, slot]])
+        np.testing.assert_array_equal(examples.problem.pick_time[e, :, slot], library.pick_time[objects[e, slot]])
         np.testing.assert_allclose(examples.access[e, :, slot], access[e, :, slot], atol=1e-2)
 
 
 def test_turning_a_problem_turns_its_plans(learner, begun, examples):
     """The turned stops cost the same in the turned problem, up to rounding of turns that vanish."""
-    turned = problem_of(begun.library, turned_draw(begun.examples, begun.library))
+    turned = problem_of(learner.prepared, begun.library, turned_draw(begun.examples, begun.library))
     answers = jnp.where(begun.answers == END, END, jnp.asarray(learner.half_turn)[begun.answers])
-    cost = plans_of(learner.prepared, examples, begun.answers).cost
+    cost = plans_of(examples.problem, begun.answers).cost
     assert np.all(np.isfinite(cost))
-    np.testing.assert_allclose(plans_of(learner.prepared, turned, answers).cost, cost, atol=0.05)
+    np.testing.assert_allclose(plans_of(turned.problem, answers).cost, cost, atol=0.05)
 
 
 def test_stops_that_are_not_symmetric_are_refused():
@@ -86,9 +86,9 @@ def test_stops_that_are_not_symmetric_are_refused():
 
 
 def test_searched_answers_are_no_worse_than_the_rules(learner, begun, examples):
-    rule = play(learner.policy, begun.params, learner.prepared, examples, choose_best)
-    searched = plans_of(learner.prepared, examples, begun.answers).cost
-    assert float(jnp.mean(searched)) <= float(jnp.mean(plans_of(learner.prepared, examples, rule).cost))
+    rule = play(learner.policy, begun.params, examples, choose_best)
+    searched = plans_of(examples.problem, begun.answers).cost
+    assert float(jnp.mean(searched)) <= float(jnp.mean(plans_of(examples.problem, rule).cost))
 
 
 def test_imitation_lowers_the_loss(robot, begun):

@@ -38,11 +38,13 @@ def settled(setup, prepared, scenes):
     params = untrained_stops()
 
     def choose(own):
-        return plans_of(prepared, own, play(StopPolicy(), params, prepared, own, choose_best))
+        return plans_of(own.problem, play(StopPolicy(), params, own, choose_best))
 
     @jax.jit
     def run(pick_time):
-        return settle(setup.robot, setup.room, prepared, scenes, pick_time, choose, setup.world, at_once=2)
+        first_drive = prepared.first_drives(setup.robot, scenes.robot_start)
+        given = (setup.robot, setup.room, prepared, scenes, first_drive, pick_time)
+        return settle(*given, choose, setup.world, at_once=2)
 
     return run
 

@@ -1,0 +1,30 @@
+"""Which objects of a problem can be had, and why the others can't."""
+
+import jax.numpy as jnp
+import numpy as np
+
+from basenet_jax.task.picking import Reason
+from basenet_jax.task.stop_problem import make_problem
+
+NEVER = np.inf
+POSES, DRIVE = np.zeros((3, 3)), np.zeros((3, 3))
+FIRST = np.array([2.0, 3.0, NEVER])
+PICKS = np.array([[9.0, NEVER, NEVER, 9.0], [NEVER, NEVER, NEVER, 9.0], [9.0, NEVER, 9.0, 9.0]])
+THERE = np.array([True, True, True, False])
+WHY = np.array([Reason.NONE, Reason.ARM_COLLIDES, Reason.NONE, Reason.OUT_OF_REACH])
+EXPECTED = [Reason.NONE, Reason.ARM_COLLIDES, Reason.UNREACHABLE, Reason.NONE]
+
+
+def test_an_object_that_cannot_be_had_has_its_reason():
+    problem = make_problem(POSES, DRIVE, PICKS, FIRST, THERE, WHY, np)
+    np.testing.assert_array_equal(problem.mask, [True, False, False, False])
+    np.testing.assert_array_equal(problem.reason, EXPECTED)
+
+
+def test_a_batch_is_each_scene_alone():
+    pick, first = np.stack([PICKS, PICKS[::-1]]), np.stack([FIRST, FIRST + 1.0])
+    batch = make_problem(*map(jnp.asarray, (POSES, DRIVE, pick, first, np.stack([THERE] * 2), np.stack([WHY] * 2))))
+    for row in range(2):
+        alone = make_problem(POSES, DRIVE, pick[row], first[row], THERE, WHY, np)
+        np.testing.assert_array_equal(batch.mask[row], alone.mask)
+        np.testing.assert_array_equal(batch.reason[row], alone.reason)
