@@ -5,7 +5,6 @@ of it for the few programs that a user waits for at every start.
 """
 
 import concurrent.futures
-import contextlib
 import functools
 import hashlib
 import os
@@ -21,11 +20,9 @@ from typing import Any
 import jax
 from jax.core import Tracer
 
-from basenet_jax.atomic import write_atomically
+from basenet_jax.cache_files import keep, read_kept
 
-_KEPT = 64  # programs of the folder, the latest used: each new version of the package leaves its own behind
 _SETTINGS = ("enable_x64", "default_matmul_precision", "threefry_partitionable")  # of JAX, that programs depend on
-_DIGEST = 32  # bytes, of SHA-256
 _COMPILED = "/jax/core/compile/backend_compile_duration"  # JAX's event for a program compiled, or found in its cache
 
 
@@ -194,12 +191,12 @@ def _circumstances() -> str:
     """All that compiled code depends on beside its function and arguments."""
     device = jax.devices()[0]
     settings = [_setting(name) for name in _SETTINGS]
-    own = [_source(), jax.__version__, version("jaxlib"), device.platform, device.device_kind, jax.device_count()]
+    own = [source_digest(), jax.__version__, version("jaxlib"), device.platform, device.device_kind, jax.device_count()]
     return repr([*own, *settings, os.environ.get("XLA_FLAGS"), _processor()])
 
 
 @functools.cache
-def _source() -> str:
+def source_digest() -> str:
     """A digest of the package's source."""
     digest, root = hashlib.sha256(), Path(__file__).parent
     for path in sorted(root.rglob("*.py")):
@@ -218,25 +215,9 @@ def _processor() -> str:
 
 def _read(path: Path) -> tuple[Any, Any, Any] | None:
     """What was stored; None where nothing is, or where it is damaged."""
-    try:
-        data = path.read_bytes()
-    except OSError:
-        return None
-    digest, packed = data[:_DIGEST], data[_DIGEST:]
-    if hashlib.sha256(packed).digest() != digest:
-        return None
-    with contextlib.suppress(OSError):  # another user's folder
-        os.utime(path)  # used last: see `_KEPT`
-    return pickle.loads(zlib.decompress(packed))
+    packed = read_kept(path)
+    return None if packed is None else pickle.loads(zlib.decompress(packed))
 
 
 def _write(path: Path, program: tuple[Any, Any, Any]) -> None:
-    """Stores a program; where there is no room or no right to, everything goes on without."""
-    packed = zlib.compress(pickle.dumps(program), level=1)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_atomically(path, hashlib.sha256(packed).digest() + packed)
-        for old in sorted(path.parent.iterdir(), key=lambda each: each.stat().st_mtime, reverse=True)[_KEPT:]:
-            old.unlink(missing_ok=True)
-    except OSError:
-        return
+    keep(path, zlib.compress(pickle.dumps(program), level=1))

@@ -157,7 +157,7 @@ def _report(options: Arguments, scene: "NamedScene", setup: "PlannerSetup", time
     print(*said, sep="\n", end="\n" if said else "")
     for name, value in nearly_singular(scene, plan, outcome):
         print(f"note: {name} is picked near a singular pose of the arm (least singular value {value:.2g}, m and rad)")
-    failed = failures(scene, plan, outcome)
+    failed = failures(scene, plan, outcome, setup)
     if not failed:
         return 0
     lines = "".join(f"\n  {name}: {reason}" for name, reason in failed)

@@ -42,6 +42,7 @@ SCRIPTS = (
     "cold_start",
     "routing",
     "docked_drives",
+    "rooms",
 )
 
 Cells = tuple[str, ...]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from jax.experimental.compilation_cache import compilation_cache
 
-from basenet_jax import compilation
+from basenet_jax import cache_files, compilation
 from basenet_jax.compilation import Stored, together
 
 MINIMUM = "jax_persistent_cache_min_compile_time_secs"
@@ -100,7 +100,7 @@ def test_another_shape_setting_source_or_processor_is_another_program(folder, mo
     for x, factor in ((X[:4], 2.0), (X, 3.0), (X.astype(np.int32), 2.0)):
         with pytest.raises(LookupError):
             only_stored()(x, factor=factor)
-    for what in ("_source", "_processor"):
+    for what in ("source_digest", "_processor"):
         with monkeypatch.context() as patch:
             patch.setattr(compilation, what, lambda: "another")
             with pytest.raises(LookupError):
@@ -108,7 +108,7 @@ def test_another_shape_setting_source_or_processor_is_another_program(folder, mo
 
 
 def test_few_programs_are_kept_those_used_last(folder, monkeypatch):
-    monkeypatch.setattr(compilation, "_KEPT", 2)
+    monkeypatch.setattr(cache_files, "KEPT", 2)
     stored = new()
     for factor in (1.0, 2.0, 3.0):
         stored(X, factor=factor)
@@ -127,7 +127,7 @@ def test_a_folder_that_can_only_be_read_serves_what_it_has(folder, monkeypatch):
     def refuse(*_, **__):
         raise PermissionError
 
-    monkeypatch.setattr(compilation.os, "utime", refuse)
+    monkeypatch.setattr(cache_files.os, "utime", refuse)
     check(only_stored()(X, factor=2.0))
 
 

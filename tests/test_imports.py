@@ -16,6 +16,7 @@ LAYERS = (
         "config",
         "settings",
         "atomic",
+        "cache_files",
         "compilation",
         "devices",
         "offscreen",

@@ -7,11 +7,14 @@ from rich.console import Console
 from rich.table import Table as RichTable
 from rich.text import Text
 
+from basenet_jax.planners.explanation import in_the_way
+from basenet_jax.planners.protocol import PlannerSetup
 from basenet_jax.task.picking import Reason
 from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.task.plan_file import reason_name
 from basenet_jax.world.scene import NamedScene
 
+_OF_BOXES = (Reason.BASE_COLLIDES, Reason.OUT_OF_REACH, Reason.NO_STRAIGHT_DESCENT, Reason.ARM_COLLIDES)
 _NEARLY_SINGULAR = 0.02  # m and rad, of the least singular value: below it, a straight descent may not be followed
 
 
@@ -50,10 +53,29 @@ def nearly_singular(scene: NamedScene, plan: Plan, outcome: Outcome) -> list[tup
     return [(scene.names[int(plan.object_index[step])], float(least[step])) for step in steps]
 
 
-def failures(scene: NamedScene, plan: Plan, outcome: Outcome) -> list[tuple[str, str]]:
-    """Names and reasons of the objects that executing the plan leaves on the table, in the plan's order."""
+def failures(scene: NamedScene, plan: Plan, outcome: Outcome, setup: PlannerSetup) -> list[tuple[str, str]]:
+    """Names and reasons of the objects that executing the plan leaves where they are, in the plan's order.
+
+    Of a room's objects, also what is in the way.
+    """
     steps = np.flatnonzero(np.asarray(outcome.is_step & ~outcome.feasible))
-    return [(scene.names[int(plan.object_index[step])], str(reason_name(outcome.reason[step]))) for step in steps]
+    failed = []
+    for step in steps:
+        slot, reason = int(plan.object_index[step]), Reason(int(outcome.reason[step]))
+        more = "" if scene.furniture is None else _in_a_room(scene, setup, slot, reason)
+        failed.append((scene.names[slot], f"{reason_name(reason)}{more}"))
+    return failed
+
+
+def _in_a_room(scene: NamedScene, setup: PlannerSetup, slot: int, reason: Reason) -> str:
+    """What is in an object's way, as the end of a line."""
+    if reason == Reason.UNREACHABLE:
+        return " (no way leads to where it could be picked)"
+    if reason not in _OF_BOXES:
+        return ""
+    names, together = in_the_way(setup, scene.arrays, slot, scene.box_names)
+    said = (" and " if together else " or ").join(repr(name) for name in names)
+    return f" (in the way: {said})" if said else ""
 
 
 def print_explanation(scene: NamedScene, counts: Int[np.ndarray, "M reasons"]) -> None:
@@ -64,8 +86,11 @@ def print_explanation(scene: NamedScene, counts: Int[np.ndarray, "M reasons"]) -
         counts: of `planners.explanation.count_reasons`.
     """
     shown = (Reason.NONE, Reason.OUT_OF_REACH, Reason.NO_STRAIGHT_DESCENT, Reason.ARM_COLLIDES)
-    total = int(counts[0].sum())
-    print(f"from how many of {total} base poses of the grid, all clear of the table:")
+    if scene.furniture is None:
+        print(f"from how many of {int(counts[0].sum())} base poses of the grid, all clear of the table:")
+    else:
+        shown += (Reason.BASE_COLLIDES, Reason.UNREACHABLE)
+        print("from how many base poses of the grid, of those round each object:")
     table = RichTable(box=SIMPLE_HEAD)
     table.add_column("object", overflow="fold")
     for reason in shown:

@@ -30,7 +30,7 @@ from basenet_jax.policies.trained import load_stops
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.picking import Reason
 from basenet_jax.task.plan import Outcome, Plan, compiled_execute
-from basenet_jax.task.prepared_world import PreparedWorld, prepare_world
+from basenet_jax.task.prepared_world import PreparedWorld, compiled_first_drives, prepare_world
 from basenet_jax.task.stop_problem import BATCH_AXES as PROBLEM_AXES
 from basenet_jax.task.stop_problem import StopProblem, make_problem
 from basenet_jax.world.boxes import Room
@@ -75,7 +75,7 @@ class BaSeNet:
         self._made_for = _MadeFor(setup.robot, setup.room, params)
         samples = options.samples if isinstance(options, SampleOptions) else 0
         self._program = _Program(policy or StopPolicy(), samples, setup.world)
-        self._prepared = self._prepare(jax.device_put(setup.stops(options.aligned)))
+        self._prepared = setup.aligned_stops(options.aligned)
 
     @property
     def stops(self) -> Float[Array, "K 3"]:
@@ -156,10 +156,14 @@ class BaSeNet:
             for poses in (self._prepared.poses, setup.grid_poses)
         )
         if setup.docked is not None:
-            aligned, grid = (only_reachable(setup.robot, setup.docked, scene, each) for each in (aligned, grid))
+            firsts = (
+                compiled_first_drives(setup.robot, stops, scene.robot_start)
+                for stops in (self._prepared, setup.grid_stops)
+            )
+            aligned, grid = map(only_reachable, (aligned, grid), firsts)
         both, missed = join(aligned, grid), ~jnp.any(aligned.serves, axis=0)
         if bool(jnp.any(grid.serves & missed)):
-            candidates, prepared = both, self._prepare(both.base_pose)
+            candidates, prepared = both, prepare_world(setup.robot, setup.drives, both.base_pose)
         else:
             candidates, prepared = dataclasses.replace(aligned, reason=both.reason), self._prepared
         problem = _problem_of(setup.robot, prepared, scene, candidates)
@@ -168,10 +172,6 @@ class BaSeNet:
             visited = _sample(self._made_for.params, scene, problem, key, program=self._program)
             return _take_cheapest(self._made_for.params, scene, problem, nothing, visited, program=self._program).plan
         return _play_greedily(self._made_for.params, scene, problem, nothing, program=self._program).plan
-
-    def _prepare(self, poses: Float[Array, "K 3"]) -> PreparedWorld:
-        setup = self._setup
-        return prepare_world(setup.robot, setup.drives, poses)
 
 
 class _MadeFor(NamedTuple):

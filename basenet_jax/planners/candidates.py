@@ -16,7 +16,6 @@ from basenet_jax.compilation import Stored
 from basenet_jax.config import GridConfig, PickConfig, WorldConfig
 from basenet_jax.robot.kinematics import reach_sphere
 from basenet_jax.robot.model import Robot
-from basenet_jax.task.drives import Drives
 from basenet_jax.task.picking import Reason, estimate_pick_time, pick
 from basenet_jax.trigonometry import sin_cos
 from basenet_jax.world.boxes import Room
@@ -36,6 +35,7 @@ class Candidates:
     serves: Bool[Array, "K M"]  # whether the object can be picked from the pose (by the map: is thought to be)
     pick_time: Float[Array, "K M"]  # s; infinite where it can't; 0 where it can but is not computed
     reason: Int[Array, " M"]  # a `Reason`: for an object that no pose serves, the rule reached farthest
+    first_drive: Float[Array, " K"] | None = None  # s, from the robot's start, where `only_reachable` looked at it
 
 
 def grid_poses(
@@ -115,10 +115,14 @@ def check_candidates(
 
 
 @jax.jit
-def only_reachable(robot: Robot, drives: Drives, scene: Scene, candidates: Candidates) -> Candidates:
-    """The candidates without service from poses to which there is no way from the robot's start."""
-    start, goals = drives.ends(robot, scene.robot_start[None]), drives.ends(robot, candidates.base_pose)
-    reachable = jnp.isfinite(drives.times(robot, start, goals)[0])[:, None]
+def only_reachable(candidates: Candidates, first_drive: Float[Array, " K"]) -> Candidates:
+    """The candidates without service from poses to which there is no way from the robot's start.
+
+    Args:
+        candidates: of a scene.
+        first_drive: from where its robot starts to their poses (s).
+    """
+    reachable = jnp.isfinite(first_drive)[:, None]
     serves = candidates.serves & reachable
     lost = jnp.any(candidates.serves, axis=0) & ~jnp.any(serves, axis=0)
     return Candidates(
@@ -126,6 +130,7 @@ def only_reachable(robot: Robot, drives: Drives, scene: Scene, candidates: Candi
         serves=serves,
         pick_time=jnp.where(reachable, candidates.pick_time, jnp.inf),
         reason=jnp.where(lost, Reason.UNREACHABLE, candidates.reason),
+        first_drive=first_drive,
     )
 
 
@@ -185,7 +190,10 @@ def join(first: Candidates, second: Candidates) -> Candidates:
         for name in ("base_pose", "serves", "pick_time")
     )
     farthest = jnp.maximum(first.reason, second.reason)
-    return Candidates(poses, serves, pick_time, jnp.where(jnp.any(serves, axis=0), Reason.NONE, farthest))
+    known = None
+    if first.first_drive is not None and second.first_drive is not None:
+        known = jnp.concatenate([first.first_drive, second.first_drive])
+    return Candidates(poses, serves, pick_time, jnp.where(jnp.any(serves, axis=0), Reason.NONE, farthest), known)
 
 
 def may_reach(robot: Robot, base_pose: Float[Array, "*batch 3"], grasps: Grasps) -> Bool[Array, "*batch"]:

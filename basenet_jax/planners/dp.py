@@ -6,13 +6,13 @@ from functools import partial
 import numpy as np
 from jax import Array
 
-from basenet_jax.planners.candidates import Candidates, check_candidates
+from basenet_jax.planners.candidates import Candidates
 from basenet_jax.planners.protocol import PlannerSetup, PlanningError, no_plan
 from basenet_jax.planners.reachability import CandidateSource
 from basenet_jax.planners.stop_problem import Sizes, stop_problem
 from basenet_jax.robot.model import Robot
-from basenet_jax.task.drives import Drives
 from basenet_jax.task.plan import Plan, compiled_execute
+from basenet_jax.task.prepared_world import PreparedWorld
 from basenet_jax.world.scene import Scene
 
 MAX_OBJECTS = 14  # 2^14 subsets x 2,500 poses: 160 MiB and some ten seconds on two cores; each more doubles both
@@ -30,15 +30,14 @@ class Dp:
         del key
         setup = self._setup
         check_size(int(np.sum(scene.mask)))
-        return plan_exactly(setup.robot, setup.drives, scene, self._candidates(scene), self._sizes)
+        candidates, stops = self._candidates(scene)
+        return plan_exactly(setup.robot, stops, scene, candidates, self._sizes)
 
     def preparations(self, scene: Scene) -> Sequence[Callable[[], object]]:
         """See `PreparedPlanner`."""
         robot, world = self._setup.robot, self._setup.world
-        return [
-            partial(check_candidates.prepare, robot, scene, self._candidates.poses, world=world),
-            partial(compiled_execute.prepare, robot, scene, no_plan(scene), self._setup.docked, config=world),
-        ]
+        judged = (robot, scene, no_plan(scene), self._setup.docked)
+        return [*self._candidates.preparations(scene), partial(compiled_execute.prepare, *judged, config=world)]
 
 
 def check_size(objects: int) -> None:
@@ -55,18 +54,18 @@ def check_size(objects: int) -> None:
 
 
 def plan_exactly(
-    robot: Robot, drives: Drives, scene: Scene, candidates: Candidates, sizes: Sizes | None = None
+    robot: Robot, stops: PreparedWorld, scene: Scene, candidates: Candidates, sizes: Sizes | None = None
 ) -> Plan:
     """The plan of least N + G over all orders and all choices among the candidates; unserved objects come last.
 
     Args:
         robot: its base's speeds and accelerations count.
-        drives: of the scene's room.
+        stops: the candidates' poses.
         scene: unbatched.
         candidates: base poses with validated costs.
         sizes: of the problems before, see `stop_problem`.
     """
-    problem = stop_problem(robot, drives, scene, candidates, sizes)
+    problem = stop_problem(robot, stops.drives, scene, candidates, sizes, between=stops.known)
     if not len(problem.slots):
         return problem.plan_nothing(scene)
     return problem.plan(scene, *problem.best_steps())

@@ -1,5 +1,7 @@
 """Greedy stops: drive where it pays most at once, pick all that can be picked there, repeat. Nothing is learned."""
 
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -10,11 +12,11 @@ from jaxtyping import Bool, Float
 
 from basenet_jax.planners.candidates import Candidates
 from basenet_jax.planners.options import GreedyStopsOptions
-from basenet_jax.planners.protocol import PlannerSetup, assemble_plan
+from basenet_jax.planners.protocol import PlannerSetup, assemble_plan, no_plan
 from basenet_jax.planners.reachability import CandidateSource, unserved_reason
 from basenet_jax.robot.model import Robot
-from basenet_jax.task.drives import Drives
-from basenet_jax.task.plan import Plan
+from basenet_jax.task.plan import Plan, compiled_execute
+from basenet_jax.task.prepared_world import PreparedWorld
 from basenet_jax.world.scene import Scene
 
 
@@ -22,21 +24,27 @@ class GreedyStops:
     """On validated candidates: next the stop of least navigation + excess pick time - worth of the objects served."""
 
     def __init__(self, setup: PlannerSetup, options: GreedyStopsOptions = GreedyStopsOptions()):
-        self._robot, self._drives = setup.robot, setup.drives
+        self._setup = setup
         self._candidates = CandidateSource(setup, checked=True)
         self._worth = options.seconds_per_object
 
     def __call__(self, scene: Scene, key: Array) -> Plan:
         """See `Planner`; the key is ignored."""
         del key
-        candidates = self._candidates(scene)
+        candidates, prepared = self._candidates(scene)
         reason = np.asarray(unserved_reason(candidates))
         if not len(candidates.base_pose):
             return assemble_plan(scene, np.zeros(0, int), np.zeros((0, 3), np.float32), reason)
-        stops = greedy_stops(self._robot, scene, candidates, self._worth, self._drives)
+        stops = greedy_stops(self._setup.robot, scene, candidates, self._worth, prepared)
         pose, serves = jax.device_get((stops.base_pose, stops.serves))
         stop, slot = np.nonzero(serves)
         return assemble_plan(scene, slot, pose[stop], reason)
+
+    def preparations(self, scene: Scene) -> Sequence[Callable[[], object]]:
+        """See `PreparedPlanner`."""
+        robot, world = self._setup.robot, self._setup.world
+        judged = (robot, scene, no_plan(scene), self._setup.docked)
+        return [*self._candidates.preparations(scene), partial(compiled_execute.prepare, *judged, config=world)]
 
 
 class Stops(NamedTuple):
@@ -48,7 +56,7 @@ class Stops(NamedTuple):
 
 @jax.jit
 def greedy_stops(
-    robot: Robot, scene: Scene, candidates: Candidates, worth: Float[Array, ""] | float, drives: Drives
+    robot: Robot, scene: Scene, candidates: Candidates, worth: Float[Array, ""] | float, prepared: PreparedWorld
 ) -> Stops:
     """The greedy rule.
 
@@ -57,21 +65,20 @@ def greedy_stops(
         scene: unbatched.
         candidates: at least one, with validated pick times.
         worth: of one object served (s).
-        drives: of the room.
+        prepared: the candidates' poses.
     """
     excess = candidates.pick_time - jnp.min(candidates.pick_time, axis=0)
     gain = jnp.where(candidates.serves, worth - excess, 0.0)
-    ends = drives.ends(robot, candidates.base_pose)
+    drives = prepared.departures(robot, scene.robot_start, candidates.first_drive)
 
     def stop(state: tuple[Array, Array], _: None) -> tuple[tuple[Array, Array], Stops]:
-        pose, remaining = state
-        drive = drives.times(robot, drives.ends(robot, pose[None]), ends)[0]
+        at, remaining = state
         useful = jnp.any(candidates.serves & remaining, axis=1)
-        cost = jnp.where(useful, drive - gain @ remaining.astype(gain.dtype), jnp.inf)
+        cost = jnp.where(useful, drives(at) - gain @ remaining.astype(gain.dtype), jnp.inf)
         best = jnp.argmin(cost)
         served = remaining & candidates.serves[best] & jnp.isfinite(cost[best])
-        pose = jnp.where(jnp.any(served), candidates.base_pose[best], pose)
-        return (pose, remaining & ~served), Stops(pose, served)
+        at = jnp.where(jnp.any(served), best, at)
+        return (at, remaining & ~served), Stops(candidates.base_pose[at], served)
 
-    _, stops = jax.lax.scan(stop, (scene.robot_start, scene.mask), length=len(scene.mask))
+    _, stops = jax.lax.scan(stop, (jnp.array(-1), scene.mask), length=len(scene.mask))
     return stops

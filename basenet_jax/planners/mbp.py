@@ -13,8 +13,8 @@ from basenet_jax.planners.cover_minimum import minimum_cover
 from basenet_jax.planners.protocol import PlannerSetup, assemble_plan
 from basenet_jax.planners.reachability import CandidateSource, unserved_reason
 from basenet_jax.robot.model import Robot
-from basenet_jax.task.drives import Drives
 from basenet_jax.task.plan import Plan
+from basenet_jax.task.prepared_world import PreparedWorld
 from basenet_jax.world.scene import Scene
 
 
@@ -25,18 +25,18 @@ class Mbp:
     """
 
     def __init__(self, setup: PlannerSetup, *, checked: bool):
-        self._robot, self._drives = setup.robot, setup.drives
+        self._robot = setup.robot
         self._candidates = CandidateSource(setup, checked=checked)
 
     def __call__(self, scene: Scene, key: Array) -> Plan:
         """See `Planner`; the key is ignored."""
         del key
-        candidates = self._candidates(scene)
-        coverage = np.asarray(_coverage(self._robot, scene, candidates, self._drives))
+        candidates, prepared = self._candidates(scene)
+        coverage = np.asarray(_coverage(self._robot, scene, candidates, prepared))
         stop_of_pose = minimum_cover(coverage)
         if np.all(stop_of_pose < 0):
             return assemble_plan(scene, np.zeros(0, int), np.zeros((0, 3)), np.asarray(unserved_reason(candidates)))
-        visits = nearest_stops(self._robot, scene, candidates, stop_of_pose, self._drives)
+        visits = nearest_stops(self._robot, scene, candidates, stop_of_pose, prepared)
         visited, grasps, candidates = jax.device_get((visits, _grasps(scene), candidates))
         order, pose = picks_at_stops(visited[visited >= 0], candidates, grasps)
         return assemble_plan(scene, order, candidates.base_pose[pose], np.asarray(unserved_reason(candidates)))
@@ -44,7 +44,7 @@ class Mbp:
 
 @jax.jit
 def nearest_stops(
-    robot: Robot, scene: Scene, candidates: Candidates, stop_of_pose: Int[Array, " K"], drives: Drives
+    robot: Robot, scene: Scene, candidates: Candidates, stop_of_pose: Int[Array, " K"], prepared: PreparedWorld
 ) -> Int[Array, " M"]:
     """Visits the chosen stops, always the one of least navigation time next.
 
@@ -53,26 +53,25 @@ def nearest_stops(
         scene: unbatched.
         candidates: at least one.
         stop_of_pose: which stop each candidate makes, -1 for none: the nearest of those that make the same is taken.
-        drives: of the room.
+        prepared: the candidates' poses.
 
     Returns:
         The visited candidates in order, padded with -1. A stop that can't be driven to is left out.
     """
-    ends = drives.ends(robot, candidates.base_pose)
+    drives = prepared.departures(robot, scene.robot_start, candidates.first_drive)
     slots = len(scene.mask)  # a minimum cover has no more sets than objects
 
     def visit(tour: _Tour) -> _Tour:
-        drive = drives.times(robot, drives.ends(robot, tour.pose[None]), ends)[0]
-        drive = jnp.where((stop_of_pose >= 0) & tour.remaining[stop_of_pose], drive, jnp.inf)
+        drive = jnp.where((stop_of_pose >= 0) & tour.remaining[stop_of_pose], drives(tour.at), jnp.inf)
         best = jnp.argmin(drive)
         found = jnp.isfinite(drive[best])
         # Where no stop is left that can be driven to, the tour is over.
         remaining = tour.remaining.at[stop_of_pose[best]].set(False) & found
         visited = tour.visited.at[tour.length].set(jnp.where(found, best, -1))
-        return _Tour(tour.length + 1, candidates.base_pose[best], remaining, visited)
+        return _Tour(tour.length + 1, best, remaining, visited)
 
     remaining = jnp.arange(slots) <= jnp.max(stop_of_pose)
-    start = _Tour(jnp.array(0), scene.robot_start, remaining, jnp.full(slots, -1))
+    start = _Tour(jnp.array(0), jnp.array(-1), remaining, jnp.full(slots, -1))
     return jax.lax.while_loop(lambda tour: jnp.any(tour.remaining), visit, start).visited
 
 
@@ -80,7 +79,7 @@ class _Tour(NamedTuple):
     """The stops visited so far."""
 
     length: Int[Array, ""]
-    pose: Float[Array, "3"]
+    at: Int[Array, ""]  # the candidate where the base is; -1: where it starts
     remaining: Bool[Array, " M"]  # by number of the stop
     visited: Int[Array, " M"]  # candidates, padded with -1
 
@@ -109,10 +108,9 @@ def picks_at_stops(
 
 
 @jax.jit
-def _coverage(robot: Robot, scene: Scene, candidates: Candidates, drives: Drives) -> Bool[Array, "K M"]:
+def _coverage(robot: Robot, scene: Scene, candidates: Candidates, prepared: PreparedWorld) -> Bool[Array, "K M"]:
     """What can be picked from the candidates that can be driven to from the start."""
-    start, goals = drives.ends(robot, scene.robot_start[None]), drives.ends(robot, candidates.base_pose)
-    drive = drives.times(robot, start, goals)[0]
+    drive = prepared.departures(robot, scene.robot_start, candidates.first_drive)(jnp.array(-1))
     return candidates.serves & jnp.isfinite(drive)[:, None]
 
 

@@ -12,8 +12,8 @@ from basenet_jax.planners.candidates import Candidates
 from basenet_jax.planners.protocol import PlannerSetup, assemble_plan
 from basenet_jax.planners.reachability import CandidateSource, unserved_reason
 from basenet_jax.robot.model import Robot
-from basenet_jax.task.drives import Drives
 from basenet_jax.task.plan import Plan
+from basenet_jax.task.prepared_world import PreparedWorld
 from basenet_jax.world.scene import Scene
 
 
@@ -24,16 +24,16 @@ class Pbg:
     """
 
     def __init__(self, setup: PlannerSetup, *, checked: bool):
-        self._robot, self._drives = setup.robot, setup.drives
+        self._robot = setup.robot
         self._candidates = CandidateSource(setup, checked=checked)
 
     def __call__(self, scene: Scene, key: Array) -> Plan:
         """See `Planner`; the key is ignored."""
         del key
-        candidates = self._candidates(scene)
+        candidates, stops = self._candidates(scene)
         if not len(candidates.base_pose):
             return assemble_plan(scene, np.zeros(0, int), np.zeros((0, 3)), np.asarray(candidates.reason))
-        steps, reason = jax.device_get(nearest_first(self._robot, scene, candidates, self._drives))
+        steps, reason = jax.device_get(nearest_first(self._robot, scene, candidates, stops))
         return assemble_plan(scene, steps.slot[steps.found], steps.base_pose[steps.found], reason)
 
 
@@ -46,31 +46,32 @@ class Steps(NamedTuple):
 
 
 @jax.jit
-def nearest_first(robot: Robot, scene: Scene, candidates: Candidates, drives: Drives) -> tuple[Steps, Int[Array, " M"]]:
+def nearest_first(
+    robot: Robot, scene: Scene, candidates: Candidates, stops: PreparedWorld
+) -> tuple[Steps, Int[Array, " M"]]:
     """The greedy rule, step by step; an object without a candidate that can be driven to is passed over.
 
     Args:
         robot: the robot.
         scene: unbatched.
         candidates: at least one.
-        drives: of the room.
+        stops: the candidates' poses.
 
     Returns:
         The steps, and for each slot the reason it has if no step found it.
     """
     grasp, serves = scene.first_grasp[:, :2], candidates.serves.T
-    ends = drives.ends(robot, candidates.base_pose)
+    drives = stops.departures(robot, scene.robot_start, candidates.first_drive)
 
-    def step(state: tuple[Array, Array], _: None) -> tuple[tuple[Array, Array], Steps]:
-        pose, remaining = state
+    def step(state: tuple[Array, Array, Array], _: None) -> tuple[tuple[Array, Array, Array], Steps]:
+        at, pose, remaining = state
         distance = jnp.linalg.norm(grasp - pose[:2], axis=-1)
         slot = jnp.argmin(jnp.where(remaining, distance, jnp.inf))
-        drive = drives.times(robot, drives.ends(robot, pose[None]), ends)[0]
-        drive = jnp.where(serves[slot] & remaining[slot], drive, jnp.inf)
+        drive = jnp.where(serves[slot] & remaining[slot], drives(at), jnp.inf)
         best = jnp.argmin(drive)
         found = jnp.isfinite(drive[best])
         pose = jnp.where(found, candidates.base_pose[best], pose)
-        return (pose, remaining.at[slot].set(False)), Steps(slot, pose, found)
+        return (jnp.where(found, best, at), pose, remaining.at[slot].set(False)), Steps(slot, pose, found)
 
-    _, steps = jax.lax.scan(step, (scene.robot_start, scene.mask), length=len(scene.mask))
+    _, steps = jax.lax.scan(step, (jnp.array(-1), scene.robot_start, scene.mask), length=len(scene.mask))
     return steps, unserved_reason(candidates)

@@ -14,13 +14,14 @@ from jaxtyping import Bool, Float, Int
 
 from basenet_jax.config import AlignedConfig, GridConfig, WorldConfig
 from basenet_jax.devices import Devices
-from basenet_jax.planners.aligned_stops import aligned_poses
 from basenet_jax.planners.candidates import grid_poses
+from basenet_jax.planners.prepared_stops import prepared_stops
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.reading import load_robot
 from basenet_jax.task.drive_times import DriveTimes
 from basenet_jax.task.drives import Drives, GivenDrives, PointDrives, make_drives
 from basenet_jax.task.plan import Plan
+from basenet_jax.task.prepared_world import PreparedWorld, prepare_world
 from basenet_jax.world.boxes import Room
 from basenet_jax.world.clearance import compiled_base_collides
 from basenet_jax.world.scene import Scene
@@ -147,29 +148,25 @@ class PlannerSetup:
         """The drives where the judge must be given them: those of a point are each scene's own."""
         return None if isinstance(self.drives, PointDrives) else self.drives
 
-    @cached_property
-    def candidate_poses(self) -> tuple[Float[np.ndarray, "K 3"], ...]:
-        """What the classical planners choose from, and what joins it where that doesn't serve every object.
-
-        In the paper's world the grid; in rooms the stops in line with the surfaces, then the grid round these.
-        """
-        return (self.grid_poses,) if self.docked is None else (self.stops(), self.grid_poses)
-
-    def stops(self, aligned: AlignedConfig = AlignedConfig()) -> Float[np.ndarray, "K 3"]:
-        """Stops in line with the surfaces, or those that there are drive times for, (x, y, heading) in W.
+    def aligned_stops(self, aligned: AlignedConfig = AlignedConfig()) -> PreparedWorld:
+        """The stops in line with the surfaces, or those that there are drive times for; with the drives between them.
 
         Raises:
             PlanningError: the base can't stand at any of the poses that there are drive times for.
         """
-        pick = self.world.pick
         if self.drive_times is None:
-            return aligned_poses(self.robot, self.room, aligned, pick)
-        poses = self.drive_times.poses.astype(np.float32)
+            return prepared_stops(self.robot, self.room, aligned, self.world.pick, self.world.navigation)
+        pick, poses = self.world.pick, self.drive_times.poses.astype(np.float32)
         collides = compiled_base_collides(self.robot, poses, self.room, pick.base_clearance_m, pick.touching_m)
         if np.all(collides):
             found = f"{self.drive_times.source}: poses: found {len(poses)} at which the base is too near to something"
             raise PlanningError(f"{found}, allowed are some more than {pick.base_clearance_m:g} m clear")
-        return poses[~np.asarray(collides)]
+        return prepare_world(self.robot, self.drives, poses[~np.asarray(collides)])
+
+    @cached_property
+    def grid_stops(self) -> PreparedWorld:
+        """The grid's poses; they are too many for all drives between them."""
+        return prepare_world(self.robot, self.drives, self.grid_poses, all_pairs=False)
 
     def with_room(self, room: Room) -> "PlannerSetup":
         """The same for another room."""

@@ -11,7 +11,7 @@ import math
 import os
 import re
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -33,6 +33,7 @@ from basenet_jax.robot.kinematics import reach_sphere
 from basenet_jax.robot.model import Robot
 from basenet_jax.task import arm_solutions
 from basenet_jax.task.picking import Reason
+from basenet_jax.task.prepared_world import PreparedWorld, compiled_first_drives, join_worlds
 from basenet_jax.weights_file import load_weights, save_weights
 from basenet_jax.world.grasps import top_down
 from basenet_jax.world.scene import MAX_OBJECTS, Scene
@@ -339,35 +340,51 @@ class CandidateSource:
             setup: of the planner.
             checked: whether all pairs of pose and object are checked and timed, or looked up in the map.
         """
-        self._robot, self._world, self._docked = setup.robot, setup.world, setup.docked
-        self._poses = jax.device_put(setup.candidate_poses)
+        self._setup = setup
+        # In rooms the stops in line with the surfaces, and the grid round these where they don't serve every object.
+        self._first = setup.grid_stops if setup.docked is None else setup.aligned_stops()
         self._maps = None if checked else MapStore(setup.robot, setup.grid, setup.world.pick, map_folder())
 
-    def __call__(self, scene: Scene) -> Candidates:
-        """The candidates of an unbatched scene; there are none at all where no pose is clear of the boxes."""
-        candidates = self._of(scene, self.poses)
-        for more in self._poses[1:]:
-            if bool(jnp.all(jnp.any(candidates.serves, axis=0) | ~scene.mask)):
-                break
-            candidates = join(candidates, self._of(scene, more))
-        return candidates
+    def __call__(self, scene: Scene) -> tuple[Candidates, PreparedWorld]:
+        """The candidates of an unbatched scene, and the stops that they are.
+
+        There are none at all where no pose is clear of the boxes.
+        """
+        candidates = self._of(scene, self._first)
+        everything = self._setup.docked is None or bool(jnp.all(jnp.any(candidates.serves, axis=0) | ~scene.mask))
+        if everything:
+            return candidates, self._first
+        grid = self._setup.grid_stops
+        return join(candidates, self._of(scene, grid)), join_worlds(self._first, grid)
 
     @property
     def poses(self) -> Float[Array, "K 3"]:
         """Those that are looked at first."""
-        return self._poses[0]
+        return self._first.poses
 
-    def _of(self, scene: Scene, poses: Float[Array, "K 3"]) -> Candidates:
+    def preparations(self, scene: Scene) -> list[Callable[[], object]]:
+        """What makes the programs for scenes of this shape ready, of candidates that are checked."""
+        setup = self._setup
+        tasks: list[Callable[[], object]] = [
+            partial(check_candidates.prepare, setup.robot, scene, self.poses, world=setup.world)
+        ]
+        if setup.docked is not None:
+            tasks.append(partial(compiled_first_drives.prepare, setup.robot, self._first, scene.robot_start))
+        return tasks
+
+    def _of(self, scene: Scene, stops: PreparedWorld) -> Candidates:
+        setup, poses = self._setup, stops.poses
         if not len(poses):
             nothing = jnp.zeros((0, len(scene.mask)))
             reason = jnp.full(len(scene.mask), Reason.BASE_COLLIDES)
             return Candidates(poses, nothing.astype(bool), nothing, reason)
         if self._maps is None:
-            candidates = check_candidates(self._robot, scene, poses, world=self._world)
+            candidates = check_candidates(setup.robot, scene, poses, world=setup.world)
         else:
             candidates = map_candidates(self._maps.for_scene(scene), scene, poses)
-        # Only in a room are there other poses instead of those that can't be reached.
-        return only_reachable(self._robot, self._docked, scene, candidates) if self._docked else candidates
+        if setup.docked is None:  # there are no other poses instead of those that can't be reached
+            return candidates
+        return only_reachable(candidates, compiled_first_drives(setup.robot, stops, scene.robot_start))
 
 
 def unserved_reason(candidates: Candidates) -> Int[Array, " M"]:

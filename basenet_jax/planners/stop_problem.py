@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.typing import ArrayLike
 from jaxtyping import Bool, Float, Int
 
 from basenet_jax.planners.candidates import Candidates
@@ -84,7 +85,13 @@ class SizedProblem(NamedTuple):
 
 
 def stop_problem(
-    robot: Robot, drives: Drives, scene: Scene, candidates: Candidates, sizes: Sizes | None = None
+    robot: Robot,
+    drives: Drives,
+    scene: Scene,
+    candidates: Candidates,
+    sizes: Sizes | None = None,
+    *,
+    between: Float[ArrayLike, "K K"] | None = None,
 ) -> SizedProblem:
     """The problem on the useful candidates.
 
@@ -94,11 +101,15 @@ def stop_problem(
         scene: unbatched.
         candidates: base poses with validated costs.
         sizes: of the problems before; None: a column for each object, and stops in whole buckets.
+        between: drives (s) between the candidates, where they are known.
     """
     poses, times, reason, mask = jax.device_get(
         (candidates.base_pose, candidates.pick_time, candidates.reason, scene.mask)
     )
-    first = np.asarray(drives.matrix(robot, scene.robot_start[None], candidates.base_pose))[0]
+    if candidates.first_drive is None:
+        first = np.asarray(drives.matrix(robot, scene.robot_start[None], candidates.base_pose))[0]
+    else:
+        first = np.asarray(candidates.first_drive)
     # What only poses with an infinite first drive serve can't be had. Round one table no drive leads to them, wherever
     # it begins: they are inside the table grown by the path margin. In a room they are shut in.
     nothing: Any = np.zeros((0, 0))
@@ -113,7 +124,10 @@ def stop_problem(
     poses = np.pad(poses[useful], ((0, padding), (0, 0)))
     times = np.pad(times[np.ix_(useful, served)], ((0, padding), (0, empty)), constant_values=np.inf)
     first = np.pad(first[useful], (0, padding), constant_values=np.inf)
-    drive = jnp.asarray(drives.matrix(robot, poses, poses))
+    if between is None:
+        drive = jnp.asarray(drives.matrix(robot, poses, poses))
+    else:
+        drive = jax.device_put(np.pad(np.asarray(between)[np.ix_(useful, useful)], (0, padding)))
     there = np.arange(columns) < len(served)
     problem = make_problem(poses, drive, jax.device_put(times), jax.device_put(first), there, numpy=np)
     return SizedProblem(problem, served, np.asarray(whole.reason))

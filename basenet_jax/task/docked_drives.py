@@ -3,7 +3,7 @@
 Straight between two turns; or undocked, along a road, and docked.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -12,6 +12,7 @@ from jax import Array
 from jax.typing import ArrayLike
 from jaxtyping import Bool, Float, Int
 
+from basenet_jax import struct
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.timing import straight_duration, turn_duration
 from basenet_jax.task.drive_space import footprint_fits
@@ -25,7 +26,7 @@ _ROUNDING = 1e-5  # rad: a turn may go so far beyond what is free
 _SAME_PLACE = 2e-5  # m or rad: turning places and headings that are one but for rounding
 
 
-def drive_times(robot: Robot, roadmap: Roadmap, start: Gates, goal: Gates) -> Float[Array, "S T"]:
+def drive_times(robot: Robot, roadmap: Roadmap, start: Gates, goal: "Gates | SharedGates") -> Float[Array, "S T"]:
     """Least times (s) for the base to drive from each pose to each; infinite where there is no way.
 
     It stays, or turns, drives straight and turns, or undocks straight to a turning place, turns, drives a road (with a
@@ -35,8 +36,10 @@ def drive_times(robot: Robot, roadmap: Roadmap, start: Gates, goal: Gates) -> Fl
         robot: its base counts.
         roadmap: of the room.
         start: of the poses to drive from, by `gates`.
-        goal: likewise, to drive to.
+        goal: likewise, to drive to; of many, by `shared_gates`.
     """
+    if isinstance(goal, SharedGates):
+        return _least(robot, roadmap, start, goal.gates, _own_places(start), goal.places)
     return _least(robot, roadmap, start, goal, _own_places(start), _own_places(goal))
 
 
@@ -51,12 +54,15 @@ def drive_matrix(
         start: poses (x, y, heading) in W.
         goal: likewise.
     """
-    ends = [_gates(robot, roadmap, np.asarray(poses)) for poses in (start, goal)]
-    shared = [_shared_places(robot, jax.device_get(each), reverse=roadmap.reverse) for each in ends]
-    return np.asarray(_matrix(robot, roadmap, *ends, *shared))
+    ends = [
+        shared_gates(robot, _gates(robot, roadmap, np.asarray(poses)), reverse=roadmap.reverse)
+        for poses in (start, goal)
+    ]
+    return np.asarray(_matrix(robot, roadmap, *ends))
 
 
-class _Places(NamedTuple):
+@struct.dataclass
+class Places:
     """P poses at turning places, and which of them each gate leads to."""
 
     pose: Float[Any, "P 3"]  # an omnidirectional base's heading there doesn't count
@@ -64,14 +70,27 @@ class _Places(NamedTuple):
     turned: Bool[Any, "S K"]  # whether the gate's heading is the opposite one
 
 
-def _own_places(ends: Gates) -> _Places:
+@struct.dataclass
+class SharedGates:
+    """Gates of many poses, and the few places that they lead to."""
+
+    gates: Gates
+    places: Places
+
+
+def shared_gates(robot: Robot, ends: Gates, *, reverse: bool) -> SharedGates:
+    """Gates with each turning place and heading that several of them lead to once, on the host."""
+    return SharedGates(ends, _shared_places(robot, jax.device_get(ends), reverse=reverse))
+
+
+def _own_places(ends: Gates) -> Places:
     """Each gate's own."""
     heading = jnp.broadcast_to(ends.pose[:, None, 2:], (*ends.time.shape, 1))
     pose = jnp.concatenate([ends.place, heading], axis=-1).reshape(-1, 3)
-    return _Places(pose, jnp.arange(ends.time.size).reshape(ends.time.shape), jnp.zeros(ends.time.shape, bool))
+    return Places(pose, jnp.arange(ends.time.size).reshape(ends.time.shape), jnp.zeros(ends.time.shape, bool))
 
 
-def _shared_places(robot: Robot, ends: Gates, *, reverse: bool) -> _Places:
+def _shared_places(robot: Robot, ends: Gates, *, reverse: bool) -> Places:
     """Each place and heading once, where opposite headings are one if it may drive in reverse; padded with copies."""
     heading = np.broadcast_to(0.0 if robot.omnidirectional else ends.pose[:, None, 2], ends.time.shape)
     halves = np.round(heading / np.pi) if reverse else 2 * np.round(heading / (2 * np.pi))
@@ -82,7 +101,7 @@ def _shared_places(robot: Robot, ends: Gates, *, reverse: bool) -> _Places:
     index = np.zeros(used.shape, np.int32)
     index[used] = which.ravel()
     shared = pose[used][first] if len(first) else pose[:1, 0]
-    return _Places(np.resize(shared, (padded(len(shared)), 3)), index, halves % 2 == 1)
+    return Places(np.resize(shared, (padded(len(shared)), 3)), index, halves % 2 == 1)
 
 
 @jax.jit
@@ -91,12 +110,12 @@ def _gates(robot: Robot, roadmap: Roadmap, pose: Array) -> Gates:
 
 
 @jax.jit
-def _matrix(robot: Robot, roadmap: Roadmap, start: Gates, goal: Gates, begin: _Places, end: _Places) -> Array:
-    return _least(robot, roadmap, start, goal, begin, end)
+def _matrix(robot: Robot, roadmap: Roadmap, start: SharedGates, goal: SharedGates) -> Array:
+    return _least(robot, roadmap, start.gates, goal.gates, start.places, goal.places)
 
 
 def _least(
-    robot: Robot, roadmap: Roadmap, start: Gates, goal: Gates, begin: _Places, end: _Places
+    robot: Robot, roadmap: Roadmap, start: Gates, goal: Gates, begin: Places, end: Places
 ) -> Float[Array, "S T"]:
     """Over all ways; the roads are those between `begin` and `end`."""
     roads = road_times(robot, roadmap, begin.pose, end.pose)

@@ -3,7 +3,6 @@
 import dataclasses
 import itertools
 import math
-from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -13,26 +12,14 @@ from jax.typing import ArrayLike
 from jaxtyping import Float
 
 from basenet_jax.robot.model import Robot
-from basenet_jax.robot.timing import turn_duration
-from basenet_jax.task.docked_drives import SAME_POSE, straight_ways
+from basenet_jax.task.docked_drives import SAME_POSE
 from basenet_jax.task.drive_space import TOUCHING_M, DriveSpace
-from basenet_jax.task.gates import gates, one_way_times
+from basenet_jax.task.gates import gates
 from basenet_jax.task.manoeuvre import Manoeuvre, through, turn_time
-from basenet_jax.task.road_search import Pieces, Reached, away_from, gears, pieces, reach_vias
-from basenet_jax.task.roadmap import SAME_PLACE_M, Roadmap, road_turn_time
+from basenet_jax.task.roadmap import SAME_PLACE_M, Roadmap
+from basenet_jax.task.way_search import Ways, search_ways
 
 _TOUCHING_M = 3.0 * TOUCHING_M  # so that what float32 calls free is free here
-
-
-class _Found(NamedTuple):
-    """Times (s) of all ways between two poses with K turning places each, and what they are made of."""
-
-    straight: Float[Any, " W"]  # see `straight_ways`
-    direct: Float[Any, "G K K"]  # by road without vias, by gear and turning places
-    over: Float[Any, "V from G K K"]  # by the last via and where the base comes from: the start, or a neighbour
-    reached: Reached  # from the turning places of the start
-    first: Pieces  # from them to all vias
-    places: Float[Any, "2 K 2"]  # m, of start and goal
 
 
 def find_manoeuvre(
@@ -71,52 +58,14 @@ def find_manoeuvre(
 
 
 @jax.jit
-def _search(robot: Robot, roadmap: Roadmap, ends: Float[Array, "2 3"]) -> _Found:
+def _search(robot: Robot, roadmap: Roadmap, ends: Float[Array, "2 3"]) -> Ways:
     roadmap = jax.tree.map(lambda x: x.astype(ends.dtype) if jnp.issubdtype(x.dtype, jnp.floating) else x, roadmap)
     space: DriveSpace = dataclasses.replace(roadmap.space, touching=jnp.asarray(_TOUCHING_M))
     roadmap = dataclasses.replace(roadmap, space=space)
-    both = gates(robot, roadmap.space, ends)
-    start, goal = (jax.tree.map(lambda x, i=i: x[i : i + 1], both) for i in range(2))
-    gear, vias, heading = gears(robot, roadmap), len(roadmap.via), both.pose[:, 2]
-    begin = jnp.concatenate([both.place[0], jnp.broadcast_to(heading[0], (len(both.place[0]), 1))], axis=-1)
-    ahead = pieces(robot, roadmap, both.place[0], jnp.concatenate([roadmap.via, both.place[1]]))
-    first, direct = (Pieces(*(x[:, some] for x in ahead)) for some in (slice(vias), slice(vias, None)))
-    last = pieces(robot, roadmap, roadmap.via, both.place[1])
-    reached = reach_vias(robot, roadmap, begin, first)
-
-    def turn(angle: Array) -> Array:
-        return road_turn_time(robot, angle)
-
-    def onto(come: Array) -> Array:
-        """From directions of arriving at each via, its last axes counting gears and places, to each last piece."""
-        return turn(jnp.expand_dims(last.direction, tuple(range(1, come.ndim))) - come[..., None])
-
-    leave, come = (one_way_times(each, reverse=roadmap.reverse)[i] for i, each in enumerate((start, goal)))
-    docks = leave[0, :, None] + come[0]
-    if robot.omnidirectional:
-        docks += turn_duration(robot, heading[1] - heading[0])
-    turns = turn(direct.direction + gear[:, None, None] - heading[0])
-    turns += turn(heading[1] - direct.direction - gear[:, None, None])
-    in_place = turn(heading[1] - heading[0])
-    comes = jnp.concatenate(
-        [
-            reached.straight[:, None, ..., None] + onto(first.direction.T[:, None, None]),
-            reached.over[..., None] + onto((away_from(roadmap) + jnp.pi)[..., None, None]),
-        ],
-        axis=1,
-    )
-    onward = last.time[:, None] + turn(heading[1] - last.direction[:, None] - gear[:, None])
-    return _Found(
-        straight=jnp.stack(straight_ways(robot, roadmap, start, goal)).ravel(),
-        direct=jnp.where(direct.same, in_place, direct.time + turns) + docks,
-        over=comes + onward[:, None, :, None] + docks,
-        reached=reached,
-        first=first,
-        places=both.place,
-    )
+    return search_ways(robot, roadmap, gates(robot, roadmap.space, ends))
 
 
-def _trace_back(robot: Robot, roadmap: Roadmap, found: _Found, way: tuple[int, ...]) -> list[Float[np.ndarray, "2"]]:
+def _trace_back(robot: Robot, roadmap: Roadmap, found: Ways, way: tuple[int, ...]) -> list[Float[np.ndarray, "2"]]:
     """The vias of a way of `over`: the last one's place there says where the base comes from, and so on."""
     via, come, gear, begin = way[:4]
     vias, away = [via], roadmap.via[roadmap.neighbour] - roadmap.via[:, None]

@@ -17,21 +17,25 @@ from jax import Array
 from jax.typing import ArrayLike
 from jaxtyping import Float, Int
 
-from basenet_jax import struct
+from basenet_jax import rounds, struct
 from basenet_jax.compilation import Stored
 from basenet_jax.config import DockedConfig, NavigationConfig
 from basenet_jax.robot.model import Robot
-from basenet_jax.task.docked_drives import drive_matrix, drive_times
+from basenet_jax.task.docked_drives import drive_matrix, drive_times, shared_gates
 from basenet_jax.task.docked_manoeuvre import find_manoeuvre
 from basenet_jax.task.drive_times import DriveTimes
 from basenet_jax.task.gates import gates
 from basenet_jax.task.manoeuvre import Manoeuvre, along_path
 from basenet_jax.task.navigation import navigation_path, navigation_time
+from basenet_jax.task.near_drives import fastest_roads, times_over
 from basenet_jax.task.roadmap import Roadmap, make_roadmap
 from basenet_jax.trigonometry import wrap_angle
 from basenet_jax.world.boxes import Room, fingerprint
 
 Ends: TypeAlias = Any  # of S poses: a pytree of arrays whose first axis is S
+Goals: TypeAlias = Any  # ends, or what `goals` makes of them
+Roads: TypeAlias = Any  # of drives: a pytree of arrays whose first axis counts them
+_DRIVES_AT_ONCE = 64
 
 SAME_POSE_IN_TABLE = 1e-4  # m or rad: a table's decimals and float32 make no difference
 _POSES = 64  # tables are padded to a multiple
@@ -50,9 +54,24 @@ class PointDrives:
         del robot
         return poses
 
-    def times(self, robot: Robot, start: Ends, goal: Ends) -> Float[Array, "S T"]:
+    def goals(self, robot: Robot, ends: Ends) -> Goals:
+        """The ends as goals of many drives, on the host."""
+        del robot
+        return ends
+
+    def times(self, robot: Robot, start: Ends, goal: Goals) -> Float[Array, "S T"]:
         """Least times (s) from all starts to all goals; infinite where there is no way."""
         return navigation_time(robot, start[:, None], goal, self.room, self.config)
+
+    def roads(self, robot: Robot, ends: Ends) -> Roads:
+        """Of the drives from each pose to the next, what `times_near` asks: nothing."""
+        del robot, ends
+        return ()
+
+    def times_near(self, robot: Robot, start: Ends, goal: Ends, road: Roads) -> Float[Array, "S T"]:
+        """Times (s) of drives between poses near to those of a known one."""
+        del road
+        return self.times(robot, start, goal)
 
     def matrix(self, robot: Robot, start: Float[ArrayLike, "S 3"], goal: Float[ArrayLike, "T 3"]) -> ArrayLike:
         """The same between many poses, on the host."""
@@ -86,9 +105,21 @@ class DockedDrives:
         """What `times` asks of poses (x, y, heading in W)."""
         return gates(robot, self.roadmap.space, poses)
 
-    def times(self, robot: Robot, start: Ends, goal: Ends) -> Float[Array, "S T"]:
+    def goals(self, robot: Robot, ends: Ends) -> Goals:
+        """The ends as goals of many drives, on the host: turning places that they share are searched for once."""
+        return shared_gates(robot, ends, reverse=self.roadmap.reverse)
+
+    def times(self, robot: Robot, start: Ends, goal: Goals) -> Float[Array, "S T"]:
         """Least times (s) from all starts to all goals; infinite where there is no way."""
         return drive_times(robot, self.roadmap, start, goal)
+
+    def roads(self, robot: Robot, ends: Ends) -> Roads:
+        """Of the drives from each pose to the next, what `times_near` asks."""
+        return fastest_roads(robot, self.roadmap, ends)
+
+    def times_near(self, robot: Robot, start: Ends, goal: Ends, road: Roads) -> Float[Array, "S T"]:
+        """Times (s) of drives between poses near to those of a known one, over the vias that it goes over."""
+        return times_over(robot, self.roadmap, start, goal, road)
 
     def matrix(self, robot: Robot, start: Float[ArrayLike, "S 3"], goal: Float[ArrayLike, "T 3"]) -> ArrayLike:
         """The same between many poses, on the host, where turning places that poses share are used once."""
@@ -103,8 +134,12 @@ class DockedDrives:
             self.ends(robot, jnp.broadcast_to(poses, (*batch, 3)).reshape(math.prod(batch), 3))
             for poses in (start, goal)
         ]
-        alone = jax.tree.map(lambda x: x[:, None], ends)
-        return jax.lax.map(lambda pair: self.times(robot, *pair)[0, 0], alone).reshape(batch)
+
+        def some(pairs: tuple[Ends, Ends]) -> Array:
+            """One search for all of them: the drives that nobody asks for cost less than loops of their own."""
+            return jnp.diagonal(self.times(robot, *pairs))
+
+        return rounds.in_chunks(some, tuple(ends), _DRIVES_AT_ONCE).reshape(batch)
 
     def manoeuvre(self, robot: Robot, start: Float[ArrayLike, "3"], goal: Float[ArrayLike, "3"]) -> Manoeuvre:
         """The legs of the drive that takes the least time, on the host.
@@ -142,10 +177,25 @@ class GivenDrives:
         same = jnp.all(jnp.abs(apart) <= SAME_POSE_IN_TABLE, axis=-1)
         return jnp.where(jnp.any(same, axis=-1), jnp.argmax(same, axis=-1), len(self.poses))
 
-    def times(self, robot: Robot, start: Ends, goal: Ends) -> Float[Array, "S T"]:
+    def goals(self, robot: Robot, ends: Ends) -> Goals:
+        """The ends as goals of many drives, on the host."""
+        del robot
+        return ends
+
+    def times(self, robot: Robot, start: Ends, goal: Goals) -> Float[Array, "S T"]:
         """The times (s) from all starts to all goals."""
         del robot
         return self.seconds[start[:, None], goal]
+
+    def roads(self, robot: Robot, ends: Ends) -> Roads:
+        """Of the drives from each pose to the next, what `times_near` asks: nothing."""
+        del robot, ends
+        return ()
+
+    def times_near(self, robot: Robot, start: Ends, goal: Ends, road: Roads) -> Float[Array, "S T"]:
+        """Times (s) of drives between poses near to those of a known one: of the table's poses alone there are some."""
+        del road
+        return self.times(robot, start, goal)
 
     def matrix(self, robot: Robot, start: Float[ArrayLike, "S 3"], goal: Float[ArrayLike, "T 3"]) -> ArrayLike:
         """The same between many poses, on the host."""
@@ -182,7 +232,7 @@ def make_drives(robot: Robot, room: Room, config: NavigationConfig = NavigationC
         raise ValueError("drives: found point in a room, allowed is docked; point goes round one table that is alone")
     if are_docked(room, config):
         host, concrete = jax.tree.map(np.asarray, jax.device_get((robot, room)))
-        known = (_Known(_base(host), host), _Known(fingerprint(room), concrete))
+        known = (_Known(base_identity(host), host), _Known(fingerprint(room), concrete))
         return DockedDrives(_roadmap(*known, config.docked, config.reverse))
     return PointDrives(room, config)
 
@@ -200,8 +250,8 @@ def _roadmap(robot: _Known, room: _Known, config: DockedConfig, reverse: bool) -
     return jax.device_put(make_roadmap(robot.value, room.value, config, reverse=reverse))
 
 
-def _base(robot: Robot) -> Hashable:
-    """All of a robot that drives depend on."""
+def base_identity(robot: Robot) -> Hashable:
+    """All of a robot that drives, and where its base may stand, depend on: what tells bases apart, for caches."""
     sizes = (robot.footprint_half_size, robot.body_center, robot.body_half_size)
     arrays = (np.asarray(x) for x in (*sizes, robot.base_speed, robot.base_acceleration))
     return robot.omnidirectional, *(x.tobytes() for x in arrays)

@@ -21,6 +21,8 @@ from basenet_jax.trigonometry import atan2
 
 MOST_PIECES = 16  # between vias
 _AT_ONCE = 128  # places from which roads are searched at once
+_FEW_SUMS = 1 << 20  # so many are formed at once: loops that leave out what needn't be formed cost more
+_GOALS = 16  # of those seen from a via, that are gone on to at once
 _BLOCK = 8  # neighbours that are gone through at once; what they are padded to is a multiple of it
 
 
@@ -97,7 +99,8 @@ def reach_vias(robot: Robot, roadmap: Roadmap, start: Float[Array, "P 3"], first
         return left.reshape(roadmap.time.size, -1)[roadmap.back.ravel()].reshape(shape)
 
     def leave(via: tuple[Array, ...]) -> Array:
-        over, turn, count = via
+        over, turn, degree, waits = via
+        count = jnp.where(waits, 0, degree)  # nobody has come to it faster since it was left last
 
         def some(index: Array, left: Array) -> Array:
             turns = jax.lax.dynamic_slice_in_dim(turn, _BLOCK * index, _BLOCK, axis=1)
@@ -106,14 +109,17 @@ def reach_vias(robot: Robot, roadmap: Roadmap, start: Float[Array, "P 3"], first
         return jax.lax.fori_loop(0, -(-count // _BLOCK), some, jnp.full(over.shape, jnp.inf, over.dtype))
 
     def relax(state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-        over, _, count = state
-        left = jax.lax.map(leave, (over, roadmap.turn, degree))
+        over, waits, count = state
+        if roadmap.turn.size * shape[2] * shape[3] <= _FEW_SUMS:
+            left = jnp.min(over[:, :, None] + roadmap.turn[..., None, None], axis=1)
+        else:
+            left = jax.lax.map(leave, (over, roadmap.turn, degree, waits))
         new = jnp.minimum(over, arrive(left + roadmap.time[:, :, None, None]))
-        return new, jnp.any(new < over), count + 1
+        return new, ~jnp.any(new < over, axis=(1, 2, 3)), count + 1
 
     over = arrive(seed)
-    state = (over, jnp.array(True), jnp.array(1))
-    over, _, _ = jax.lax.while_loop(lambda state: state[1] & (state[2] < MOST_PIECES), relax, state)
+    state = (over, jnp.zeros(len(over), bool), jnp.array(1))
+    over, _, _ = jax.lax.while_loop(lambda state: ~jnp.all(state[1]) & (state[2] < MOST_PIECES), relax, state)
     return Reached(straight, over)
 
 
@@ -130,17 +136,32 @@ def _roads(robot: Robot, roadmap: Roadmap, start: Array, goal: Array, last: Piec
     first, direct = (Pieces(*(x[:, some] for x in ahead)) for some in (slice(vias), slice(vias, None)))
     reached = reach_vias(robot, roadmap, start, first)
 
-    def onto_goal(arrived: Array, direction: Array) -> Array:
+    def onto_goal(arrived: Array, direction: Array, heading: Array) -> Array:
         """With the last turn, of the goal's heading and of the opposite one."""
-        turn = road_turn_time(robot, goal[:, 2, None] - direction[:, None] - gear[:, 0])[..., None]
+        turn = road_turn_time(robot, heading[:, None] - direction[:, None] - gear[:, 0])[..., None]
         return jnp.stack([jnp.min(arrived + each, axis=1) for each in (turn, turn[:, ::-1])])
 
-    def from_via(ways: Array, via: tuple[Array, ...]) -> tuple[Array, None]:
-        straight, over, away, arriving, leaving, time, degree = via
+    def from_all_at_once(straight: Array, over: Array, away: Array, arriving: Array, leaving: Array, time: Array):
         turn = road_turn_time(robot, leaving - away[:, None] - jnp.pi)
-        arrived = _least_sum(over, turn, jnp.where(jnp.any(jnp.isfinite(time)), degree, 0))
+        arrived = jnp.min(over[:, None] + turn[..., None, None], axis=0)
         arrived = jnp.minimum(arrived, straight + road_turn_time(robot, leaving[:, None] - arriving)[:, None])
-        return jnp.minimum(ways, onto_goal(arrived + time[:, None, None], leaving)), None
+        return onto_goal(arrived + time[:, None, None], leaving, goal[:, 2])
+
+    def from_via(ways: Array, via: tuple[Array, ...]) -> tuple[Array, None]:
+        """To the goals that are seen from there, some at a time: in large rooms these are few of all."""
+        straight, over, away, arriving, leaving, time, degree = via
+        (seen,) = jnp.nonzero(jnp.isfinite(time), size=len(time), fill_value=len(time))
+        seen = jnp.pad(seen, (0, -len(time) % _GOALS), constant_values=len(time))
+
+        def some(index: Array, ways: Array) -> Array:
+            which = jax.lax.dynamic_slice_in_dim(seen, _GOALS * index, _GOALS)
+            direction, onward, heading = (x.at[which].get(mode="clip") for x in (leaving, time, goal[:, 2]))
+            turn = road_turn_time(robot, direction - away[:, None] - jnp.pi)
+            arrived = _least_sum(over, turn, degree)
+            arrived = jnp.minimum(arrived, straight + road_turn_time(robot, direction[:, None] - arriving)[:, None])
+            return ways.at[:, which].min(onto_goal(arrived + onward[:, None, None], direction, heading), mode="drop")
+
+        return jax.lax.fori_loop(0, -(-jnp.sum(jnp.isfinite(time)) // _GOALS), some, ways), None
 
     first_turn = road_turn_time(robot, direct.direction + gear[..., None] - start[:, 2, None])
     last_turn = road_turn_time(robot, goal[:, 2] - direct.direction - gear[..., None])
@@ -149,7 +170,11 @@ def _roads(robot: Robot, roadmap: Roadmap, start: Array, goal: Array, last: Piec
     in_place = road_turn_time(robot, goal[:, 2] - start[:, 2, None] + halves)
     ways = jnp.where(direct.same, in_place, direct.time + turns)
     from_vias = (reached.straight, reached.over, away_from(roadmap), first.direction.T, last.direction, last.time)
-    ways = jax.lax.scan(from_via, jnp.swapaxes(ways, 1, 2), (*from_vias, _degree(roadmap)))[0]
+    ways = jnp.swapaxes(ways, 1, 2)
+    if reached.over.size * len(goal) <= _FEW_SUMS:
+        ways = jnp.minimum(ways, jnp.min(jax.vmap(from_all_at_once)(*from_vias), axis=0))
+    else:
+        ways = jax.lax.scan(from_via, ways, (*from_vias, _degree(roadmap)))[0]
     return jnp.moveaxis(ways, 2, 0)
 
 

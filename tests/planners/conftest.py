@@ -4,7 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from basenet_jax.planners import basenet, dp, reachability, refined
+from basenet_jax.planners import basenet, reachability, refined
 from basenet_jax.world.scene import BY_SLOT
 from tests import compiled
 
@@ -22,7 +22,7 @@ def cache_home(tmp_path_factory):
 def one_check_of_candidates():
     """One program checks the candidates of all planners, padded; itself it is compared with single picks."""
     with pytest.MonkeyPatch.context() as patch:
-        for planner in (basenet, dp, reachability, refined):
+        for planner in (basenet, reachability, refined):
             patch.setattr(planner, "check_candidates", compiled.check_candidates)
         yield
 

@@ -32,7 +32,7 @@ def plainly(robot, scene, candidates):
 def test_it_follows_the_rule(setup, four_objects):
     poses = setup.grid_poses
     candidates = compiled.check_candidates(setup.robot, four_objects, poses)
-    stops = greedy_stops(setup.robot, four_objects, candidates, WORTH, setup.drives)
+    stops = greedy_stops(setup.robot, four_objects, candidates, WORTH, setup.grid_stops)
     for index, (pose, served) in enumerate(plainly(setup.robot, four_objects, candidates)):
         np.testing.assert_array_equal(stops.base_pose[index], poses[pose])
         assert set(np.flatnonzero(stops.serves[index]).tolist()) == served

@@ -16,6 +16,7 @@ from basenet_jax.planners.mbp import Mbp, nearest_stops, picks_at_stops
 from basenet_jax.planners.reachability import MapStore, map_candidates
 from basenet_jax.task.drives import PointDrives
 from basenet_jax.task.picking import Reason
+from basenet_jax.task.prepared_world import prepare_world
 from basenet_jax.world.boxes import Room
 from tests import compiled
 from tests.oracles.navigation import navigate
@@ -48,8 +49,8 @@ def test_the_nearest_stop_is_visited_next(robot, random_scene, setup, seed):
     poses = rng.permutation(setup.grid_poses)
     stop = np.where(np.arange(len(poses)) < 60, rng.integers(-1, 4, len(poses)), -1)
     candidates = as_candidates(poses, np.ones((len(poses), 6), bool))
-    drives = PointDrives(scene.room, NavigationConfig())
-    visited = np.asarray(nearest_stops(robot, scene, candidates, jnp.asarray(stop), drives))
+    stops = prepare_world(robot, PointDrives(scene.room, NavigationConfig()), candidates.base_pose, all_pairs=False)
+    visited = np.asarray(nearest_stops(robot, scene, candidates, jnp.asarray(stop), stops))
     assert (visited >= 0).tolist() == [True] * 4 + [False] * 2
     assert not follow_tour(scene, poses.astype(float), stop, visited[:4].tolist())
 
@@ -60,8 +61,10 @@ def test_a_stop_that_can_not_be_driven_to_is_left_out(robot, random_scene, setup
     stop = np.full(len(poses), -1)
     stop[[3, 7, 20]] = [0, 1, 2]
     candidates = as_candidates(poses, np.ones((len(poses), 6), bool))
-    drives = PointDrives(random_scene(0).room, NavigationConfig())
-    visited = np.asarray(nearest_stops(robot, random_scene(0), candidates, jnp.asarray(stop), drives))
+    stops = prepare_world(
+        robot, PointDrives(random_scene(0).room, NavigationConfig()), candidates.base_pose, all_pairs=False
+    )
+    visited = np.asarray(nearest_stops(robot, random_scene(0), candidates, jnp.asarray(stop), stops))
     assert sorted(visited.tolist()) == [-1, -1, -1, -1, 3, 20]
 
 

@@ -14,6 +14,7 @@ from basenet_jax.planners.pbg import Pbg, nearest_first
 from basenet_jax.planners.reachability import MapStore, map_candidates
 from basenet_jax.task.drives import PointDrives
 from basenet_jax.task.picking import Reason
+from basenet_jax.task.prepared_world import prepare_world
 from basenet_jax.world.boxes import Room
 from tests import compiled
 from tests.oracles.navigation import navigate
@@ -61,8 +62,8 @@ def test_every_step_is_the_rules(robot, random_scene, setup, seed, each):
     rng = np.random.default_rng(seed)
     scene = random_scene(seed, count=5)
     candidates = random_candidates(rng, scene, rng.permutation(setup.grid_poses), each)
-    drives = PointDrives(scene.room, NavigationConfig())
-    steps, reason = jax.device_get(nearest_first(robot, scene, candidates, drives))
+    stops = prepare_world(robot, PointDrives(scene.room, NavigationConfig()), candidates.base_pose, all_pairs=False)
+    steps, reason = jax.device_get(nearest_first(robot, scene, candidates, stops))
     found = steps.found
     left = follow(scene, candidates, steps.slot[found].tolist(), steps.base_pose[found])
     assert left == {4}
@@ -78,8 +79,8 @@ def test_an_object_that_can_not_be_driven_to_is_passed_over(robot, random_scene,
     serves = np.tile(scene.mask, (len(poses), 1))
     serves[1:, 2] = False
     candidates = Candidates(*(jnp.asarray(x) for x in (poses, serves, np.where(serves, 1.0, np.inf), np.zeros(6, int))))
-    drives = PointDrives(scene.room, NavigationConfig())
-    steps, reason = jax.device_get(nearest_first(robot, scene, candidates, drives))
+    stops = prepare_world(robot, PointDrives(scene.room, NavigationConfig()), candidates.base_pose, all_pairs=False)
+    steps, reason = jax.device_get(nearest_first(robot, scene, candidates, stops))
     assert sorted(steps.slot[steps.found].tolist()) == [0, 1, 3, 4]
     assert reason[2] == Reason.UNREACHABLE
     assert not (steps.base_pose[:, :2] == 0).all(axis=1).any()

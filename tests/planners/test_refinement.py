@@ -15,6 +15,7 @@ from basenet_jax.planners.protocol import assemble_plan
 from basenet_jax.planners.refined import Refined
 from basenet_jax.planners.refinement import alternatives, cheapest_path, reassign, refine
 from basenet_jax.planners.route import Route, as_plan, as_route, reason_by_slot
+from basenet_jax.task.prepared_world import prepare_world
 from tests import compiled
 
 SMALL = RefinementConfig(rounds=4, slides=3, free=2, rigid=2)
@@ -167,7 +168,8 @@ def test_what_a_budget_is_spent_on_is_compiled_by_the_first_call(setup, four_obj
 
 def test_what_only_the_grid_can_serve_is_served(setup, four_objects, monkeypatch):
     planner = Refined(setup, RefinedOptions(refinement=SMALL))
-    monkeypatch.setattr(planner, "_aligned", planner._aligned[:8])  # some stops at one corner
+    few = prepare_world(setup.robot, setup.drives, planner._stops.poses[:8])  # at one corner
+    monkeypatch.setattr(planner, "_stops", few)
     plan = planner(four_objects, jax.random.key(0))
     assert int(np.sum(plan.served)) == 4
     assert int(judge(setup.robot, four_objects, plan).grasped) == 4
