@@ -97,10 +97,10 @@ def test_starts_without_times_are_refused(setup, scene):
 def test_poses_where_the_base_can_not_stand_are_no_stops(robot, times):
     inside = np.concatenate([times.poses, [(0.0, 0.0, 0.0)]])
     more = DriveTimes(inside, np.ones((len(inside), len(inside))))
-    assert len(compiled.make_setup(robot, drive_times=more).stops()) == len(times.poses)
+    assert len(compiled.make_setup(robot, drive_times=more).aligned_stops().poses) == len(times.poses)
     nowhere = compiled.make_setup(robot, drive_times=DriveTimes(inside[-1:], np.zeros((1, 1)), "drives.json"))
     with pytest.raises(PlanningError, match=r"drives.json: poses: found 1 at which the base is too near to something"):
-        nowhere.stops()
+        nowhere.aligned_stops()
 
 
 def test_the_papers_planner_knows_no_stops(setup):
