@@ -110,7 +110,9 @@ def picks_at_stops(
 @jax.jit
 def _coverage(robot: Robot, scene: Scene, candidates: Candidates, prepared: PreparedWorld) -> Bool[Array, "K M"]:
     """What can be picked from the candidates that can be driven to from the start."""
-    drive = prepared.departures(robot, scene.robot_start, candidates.first_drive)(jnp.array(-1))
+    drive = candidates.first_drive
+    if drive is None:
+        drive = prepared.first_drives(robot, scene.robot_start[None])[0]
     return candidates.serves & jnp.isfinite(drive)[:, None]
 
 
