@@ -163,7 +163,7 @@ class BaSeNet:
             aligned, grid = map(only_reachable, (aligned, grid), firsts)
         both, missed = join(aligned, grid), ~jnp.any(aligned.serves, axis=0)
         if bool(jnp.any(grid.serves & missed)):
-            candidates, prepared = both, prepare_world(setup.robot, setup.drives, both.base_pose)
+            candidates, prepared = both, self._prepare(both.base_pose)
         else:
             candidates, prepared = dataclasses.replace(aligned, reason=both.reason), self._prepared
         problem = _problem_of(setup.robot, prepared, scene, candidates)
@@ -172,6 +172,9 @@ class BaSeNet:
             visited = _sample(self._made_for.params, scene, problem, key, program=self._program)
             return _take_cheapest(self._made_for.params, scene, problem, nothing, visited, program=self._program).plan
         return _play_greedily(self._made_for.params, scene, problem, nothing, program=self._program).plan
+
+    def _prepare(self, poses: Float[Array, "K 3"]) -> PreparedWorld:
+        return prepare_world(self._setup.robot, self._setup.drives, poses)
 
 
 class _MadeFor(NamedTuple):
