@@ -19,6 +19,9 @@ import numpy as np
 from basenet_jax.atomic import write_atomically
 
 FORMAT = "basenet-weights/1"
+MAX_BYTES = 256 * 1024 * 1024
+_LARGEST = 1e12  # of a number: far more than any that was learned, and its products are still finite
+_SHORT = 60  # characters of what a file holds, in messages
 
 Params = TypeVar("Params")
 
@@ -109,28 +112,41 @@ def _encode(leaf: jax.Array) -> _Array:
 def _decode(name: str, array: _Array, like: Any) -> jax.Array:
     dtype = jnp.dtype(like.dtype)
     if array.dtype != str(dtype) or array.shape != tuple(like.shape):
-        raise ValueError(f"{name}: found {array.dtype} of shape {array.shape}, needs {dtype} of {tuple(like.shape)}")
+        found = _short(f"{array.dtype} of shape {array.shape}")
+        raise ValueError(f"{name}: found {found}, needs {dtype} of {tuple(like.shape)}")
     if len(array.data) != dtype.itemsize * math.prod(array.shape):
         raise ValueError(f"{name}: found {len(array.data)} bytes for {array.dtype} of shape {array.shape}")
     values = np.frombuffer(array.data, dtype.newbyteorder("<")).reshape(array.shape)
+    if jnp.issubdtype(dtype, jnp.floating) and not np.all(np.abs(numbers := values.astype(np.float64)) <= _LARGEST):
+        wrong = numbers[~(np.abs(numbers) <= _LARGEST)][0]
+        raise ValueError(f"{name}: found {wrong:g}, allowed are finite numbers up to {_LARGEST:g}")
     return jax.device_put(values.astype(dtype))  # not jnp.array: that compiles a copy for every shape
 
 
 def _read(path: Path) -> _Content:
-    format_line, _, rest = path.read_bytes().partition(b"\n")
-    if format_line != FORMAT.encode():
-        raise ValueError(f"format: found {format_line[:40].decode(errors='replace')!r}, needs {FORMAT!r}")
+    with path.open("rb") as stream:
+        format_line = stream.readline(len(FORMAT) + 2).removesuffix(b"\n")
+        if format_line != FORMAT.encode():
+            raise ValueError(f"format: found {format_line[:40].decode(errors='replace')!r}, needs {FORMAT!r}")
+        rest = stream.read(MAX_BYTES + 1)
+    if len(rest) > MAX_BYTES:
+        raise ValueError(f"found more than {MAX_BYTES} bytes, allowed are up to {MAX_BYTES}")
     checksum, _, body = rest.partition(b"\n")
     if hashlib.sha256(body).hexdigest().encode() != checksum:
         raise ValueError("the file is damaged or cut short: its content doesn't fit its checksum")
     try:
         return msgspec.msgpack.decode(body, type=_Content)
-    except msgspec.MsgspecError as error:
-        raise ValueError(f"the content is not that of {FORMAT}: {error}") from error
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        what = "nested too deep" if isinstance(error, RecursionError) else _short(str(error))
+        raise ValueError(f"the content is not that of {FORMAT}: {what}") from None
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= _SHORT else f"{text[: _SHORT - 3]}..."
 
 
 def _check_names(wanted: set[str], found: set[str]) -> None:
     if missing := sorted(wanted - found):
         raise ValueError(f"{missing[0]}: missing ({len(missing)} of {len(wanted)} arrays are)")
     if unknown := sorted(found - wanted):
-        raise ValueError(f"{unknown[0]}: unknown, the network has no such array")
+        raise ValueError(f"{_short(unknown[0])}: unknown, the network has no such array")

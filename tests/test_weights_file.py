@@ -128,3 +128,47 @@ def test_reading_a_forged_file_runs_no_code_and_says_what_is_wrong(tmp_path: Pat
     assert not mark.exists()
     pickle.loads(bomb)
     assert mark.exists()  # the bomb was a real one
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf, 1e38, -1e13])
+def test_numbers_that_no_training_makes_are_refused(tmp_path: Path, number: float) -> None:
+    file = tmp_path / "weights.bin"
+    save_weights(file, {"w": jnp.array([1.0, number])}, {})
+    with pytest.raises(ValueError, match=r"weights\.bin: w: found .*, allowed are finite numbers up to 1e\+12"):
+        load_weights(file, {"w": jnp.ones(2)})
+
+
+def _write(file: Path, body: bytes) -> Path:
+    file.write_bytes(f"basenet-weights/1\n{hashlib.sha256(body).hexdigest()}\n".encode() + body)
+    return file
+
+
+DEEP = b"\x82\xa8metadata\x81\xa1a" + b"\x91" * 200_000 + b"\x01\xa6arrays\x80"
+BODIES = {
+    "deep": (DEEP, "nested too deep"),
+    "no text": (b"\x82\xa8metadata\x81\xa1a\xa1\xff\xa6arrays\x80", "the content is not that of basenet-weights/1: "),
+    "a long name": (
+        b"\x82\xa8metadata\x80\xa6arrays\x81\xdb\x00\x01\x86\xa0" + b"x" * 100_000 + b"\x80",
+        "is not that of",
+    ),
+}
+
+
+@pytest.mark.parametrize("what", BODIES)
+def test_contents_of_another_kind_are_refused_in_a_line(tmp_path: Path, what: str) -> None:
+    body, message = BODIES[what]
+    with pytest.raises(ValueError, match=message) as caught:
+        load_weights(_write(tmp_path / "weights.bin", body), {"w": jnp.ones(2)})
+    assert len(str(caught.value)) < 400
+
+
+def test_an_unknown_name_is_cut_short(tmp_path: Path) -> None:
+    save_weights(tmp_path / "long", {"w": jnp.ones(2), "x" * 100_000: jnp.ones(2)}, {})
+    with pytest.raises(ValueError, match=r"x\.\.\.: unknown, the network has no such array") as caught:
+        load_weights(tmp_path / "long", {"w": jnp.ones(2)})
+    assert len(str(caught.value)) < 400
+
+
+def test_an_endless_file_is_left_after_its_first_line(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="zero: format: found"):
+        load_weights("/dev/zero", {"w": jnp.ones(2)})

@@ -55,7 +55,7 @@ class RoomFields(Furniture, forbid_unknown_fields=True, kw_only=True):
 
 
 _POSE = "is [x, y, yaw], three numbers (m, m, rad)"
-_POSE_NUMBER = "is a number from -100 to 100 (m or rad)"
+_POSE_NUMBER = "is a number from -100 to 100 (m), and the angle from -6.3 to 6.3 (rad; degrees?)"
 
 # By path, for messages.
 ALLOWED = {

@@ -15,7 +15,7 @@ CLASSES = {kind.name: kind for kind in OBJECT_CLASSES}
 
 # Bounds far beyond any real scene, within which float32 keeps tenths of a millimetre and milliradians.
 _Position = Annotated[float, Meta(ge=-100, le=100)]
-_Angle = Annotated[float, Meta(ge=-100, le=100)]
+_Angle = Annotated[float, Meta(ge=-6.3, le=6.3)]  # a turn, which degrees go beyond
 _ObjectSide = Annotated[float, Meta(ge=0.001, le=2)]
 _TableSide = Annotated[float, Meta(ge=0.1, le=3)]  # farther sides leave the planning grid no room
 _TableHeight = Annotated[float, Meta(ge=0.01, le=3)]
@@ -74,19 +74,19 @@ ALLOWED = {
     "robot": "is a mapping with start",
     "robot.model": "is a robot's name, or no such key",
     "robot.start": "is [x, y, heading], three numbers (m, m, rad)",
-    "robot.start[]": "is a number from -100 to 100 (m or rad)",
+    "robot.start[]": "is a number from -100 to 100 (m), and the angle from -6.3 to 6.3 (rad; degrees?)",
     "objects": f"is a list of 1 to {MAX_OBJECTS} objects",
     "objects[]": "is a mapping with name, pose, and class or size and grasp",
     "objects[].name": "is a text",
     "objects[].class": "is a class's name, or no such key beside size and grasp",
     "objects[].pose": "is [x, y, yaw], three numbers (m, m, rad)",
-    "objects[].pose[]": "is a number from -100 to 100 (m or rad)",
+    "objects[].pose[]": "is a number from -100 to 100 (m), and the angle from -6.3 to 6.3 (rad; degrees?)",
     "objects[].size": "is [x, y, z], three numbers (m)",
     "objects[].size[]": "is a number from 0.001 to 2 (m)",
     "objects[].grasp": "is a mapping of x, z (m) and yaw (rad)",
     "objects[].grasp.x": "is a number from -2 to 2 (m)",
     "objects[].grasp.z": "is a number from -2 to 2 (m)",
-    "objects[].grasp.yaw": "is a number from -100 to 100 (rad)",
+    "objects[].grasp.yaw": "is a number from -6.3 to 6.3 (rad; is it in degrees?)",
 }
 
 

@@ -98,7 +98,12 @@ BAD = [
         "objects[0].pose: found nothing, allowed is [x, y, yaw], three numbers",
     ),
     ("[0.31, -0.22, 0.4]", "[0.31, 1]", "objects[0].pose: found [0.31, 1], allowed is [x, y, yaw], three numbers"),
-    ("0.31", "'a'", "objects[0].pose[0]: found 'a', allowed is a number from -100 to 100 (m or rad)"),
+    (
+        "0.31, -0.12, 0.4",
+        "0.31, -0.12, 90",
+        "objects[0].pose[2]: found 90, allowed is a number from -100 to 100 (m), and t",
+    ),
+    ("0.31", "'a'", "objects[0].pose[0]: found 'a', allowed is a number from -100 to 100 (m), and the angle from -6.3"),
     ("0.31", "true", "objects[0].pose[0]: found true, allowed is a number"),
     ("0.31", "null", "objects[0].pose[0]: found null, allowed is a number"),
     ("0.31", "2026-01-01", "objects[0].pose[0]: found '2026-01-01', allowed is a number"),
