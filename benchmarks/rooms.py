@@ -193,7 +193,7 @@ def _exact_time(setup: PlannerSetup, scene: Scene) -> float:
     """N + G (s) of the exact plan over the aligned stops; no number where they don't serve every object."""
     stops = setup.aligned_stops()
     candidates = check_candidates(setup.robot, scene, stops.poses, world=setup.world)
-    plan = plan_exactly(setup.robot, stops, scene, candidates)
+    plan = plan_exactly(setup.robot, setup.drives, scene, candidates, between=stops.known)
     outcome = compiled_execute(setup.robot, scene, plan, setup.docked, config=setup.world)
     return float(outcome.execution) if int(outcome.grasped) == int(np.sum(scene.mask)) else np.nan
 

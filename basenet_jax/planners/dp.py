@@ -5,14 +5,16 @@ from functools import partial
 
 import numpy as np
 from jax import Array
+from jax.typing import ArrayLike
+from jaxtyping import Float
 
 from basenet_jax.planners.candidates import Candidates
 from basenet_jax.planners.protocol import PlannerSetup, PlanningError, no_plan
 from basenet_jax.planners.reachability import CandidateSource
 from basenet_jax.planners.stop_problem import Sizes, stop_problem
 from basenet_jax.robot.model import Robot
+from basenet_jax.task.drives import Drives
 from basenet_jax.task.plan import Plan, compiled_execute
-from basenet_jax.task.prepared_world import PreparedWorld
 from basenet_jax.world.scene import Scene
 
 MAX_OBJECTS = 14  # 2^14 subsets x 2,500 poses: 160 MiB and some ten seconds on two cores; each more doubles both
@@ -31,7 +33,7 @@ class Dp:
         setup = self._setup
         check_size(int(np.sum(scene.mask)))
         candidates, stops = self._candidates(scene)
-        return plan_exactly(setup.robot, stops, scene, candidates, self._sizes)
+        return plan_exactly(setup.robot, setup.drives, scene, candidates, self._sizes, between=stops.known)
 
     def preparations(self, scene: Scene) -> Sequence[Callable[[], object]]:
         """See `PreparedPlanner`."""
@@ -54,18 +56,25 @@ def check_size(objects: int) -> None:
 
 
 def plan_exactly(
-    robot: Robot, stops: PreparedWorld, scene: Scene, candidates: Candidates, sizes: Sizes | None = None
+    robot: Robot,
+    drives: Drives,
+    scene: Scene,
+    candidates: Candidates,
+    sizes: Sizes | None = None,
+    *,
+    between: Float[ArrayLike, "K K"] | None = None,
 ) -> Plan:
     """The plan of least N + G over all orders and all choices among the candidates; unserved objects come last.
 
     Args:
         robot: its base's speeds and accelerations count.
-        stops: the candidates' poses.
+        drives: of the scene's room.
         scene: unbatched.
         candidates: base poses with validated costs.
         sizes: of the problems before, see `stop_problem`.
+        between: drives (s) between the candidates, where they are known.
     """
-    problem = stop_problem(robot, stops.drives, scene, candidates, sizes, between=stops.known)
+    problem = stop_problem(robot, drives, scene, candidates, sizes, between=between)
     if not len(problem.slots):
         return problem.plan_nothing(scene)
     return problem.plan(scene, *problem.best_steps())
