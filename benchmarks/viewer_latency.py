@@ -1,28 +1,32 @@
 """How soon the viewer's page shows the new plan when an object is dropped, and what the server costs.
 
-A headless browser drags objects with the mouse. A drop's latency is the time from when the mouse lets go, right after
-its last move, to when the page has drawn the new plan, by the page's own clock. Apart stands the server's share of it:
-from when it knew of the last move to when it had sent the plan. CPU is the server's process alone, as a share of one
-core: idle, and while the plan is played at its usual speed, one page being open. The browser draws by software on the
-same cores.
+A headless browser drags objects with the mouse; in a room (`--world rooms`) its surfaces, with all that stands on them.
+A drop's latency is the time from when the mouse lets go, right after its last move, to when the page has drawn the new
+plan, by the page's own clock. Apart stands the server's share of it: from when it knew of the last move to when it had
+sent the plan. CPU is the server's process alone, as a share of one core: idle, and while the plan is played at its
+usual speed, one page being open. The browser draws by software on the same cores.
 """
 
 import contextlib
 import itertools
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import jax
 import numpy as np
+import tyro
 from rich.table import Table
 
 from basenet_jax.api import sample_scene
 from basenet_jax.compilation import enable_cache
-from basenet_jax.viewer.editing import PlacementError, move_object
+from basenet_jax.plots.drawing import to_world
+from basenet_jax.viewer.editing import PlacementError, move_object, pad
+from basenet_jax.viewer.furnishing import move_piece
 from basenet_jax.viewer.pointing import Target, hit
+from basenet_jax.world.generate_rooms import draw_room
 from basenet_jax.world.scene import NamedScene
 from benchmarks.browser import drag, page_of, where_seen
 from benchmarks.harness import Options, Report, parse
@@ -49,6 +53,7 @@ _WATCH_DRAWING = """() => {
   }).observe(document.body, {childList: true, subtree: true});
 }"""
 
+FreeDrag = Callable[[NamedScene, Any, int], tuple[np.ndarray, np.ndarray]]
 _RENDERER = """() => {
   const context = document.querySelector("canvas").getContext("webgl2");
   return context.getParameter(context.getExtension("WEBGL_debug_renderer_info").UNMASKED_RENDERER_WEBGL);
@@ -61,6 +66,8 @@ class ViewerOptions(Options):
 
     objects: int = 10
     """In the scene."""
+    kind: Annotated[Literal["table", "rooms"], tyro.conf.arg(name="world")] = "table"
+    """The paper's world, of which objects are dragged, or a room, of which surfaces are."""
     planner: str = "basenet"
     """Which plans."""
     repeats: int = 50
@@ -84,21 +91,25 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     options = parse(ViewerOptions, NAME, __doc__, arguments)
     enable_cache()
     report = Report(NAME, options, arguments)
-    viewer = Viewer(sample_scene(jax.random.key(options.seed), objects=options.objects), Choices((options.planner,)))
+    if options.kind == "rooms":
+        scene, free_drag = pad(draw_room(options.seed, options.objects)), _free_drag_of_surface
+    else:
+        scene, free_drag = sample_scene(jax.random.key(options.seed), objects=options.objects), _free_drag
+    viewer = Viewer(scene, Choices((options.planner,)))
     sends = _watch_sends()
     try:
         viewer.session.wait_idle(_PATIENCE_S)
         with page_of(viewer, 900, 600) as page:
             page.evaluate(_WATCH_DRAWING)
             drawn_by = page.evaluate(_RENDERER)
-            drops = list(itertools.islice(_drops(viewer, page, sends), options.repeats))
+            drops = list(itertools.islice(_drops(viewer, page, sends, free_drag), options.repeats))
             watch_s = 1.0 if options.quick else options.watch_s
             idle = _cpu_share(watch_s)
             viewer.page.timeline.play()
             playing = _cpu_share(watch_s)
     finally:
         viewer.close()
-    what = f"{options.objects} objects, {options.planner}"
+    what = f"{options.objects} objects, {options.planner}{', surfaces of a room' * (options.kind == 'rooms')}"
     latencies = [
         {"what": f"drop to plan {stage}, {what}", "unit": "ms", **_spread([getattr(drop, leaf) for drop in drops])}
         for stage, leaf in (("drawn", "drawn_s"), ("sent", "sent_s"))
@@ -125,7 +136,7 @@ def _watch_sends() -> list[float]:
     return times
 
 
-def _drops(viewer, page, sends: list[float]) -> Iterator[_Drop]:
+def _drops(viewer, page, sends: list[float], free_drag: FreeDrag) -> Iterator[_Drop]:
     """Drops of one object after the other, each dragged along the table and later back.
 
     Left out are those whose plan was drawn before the mouse let go, or has the figures of the plan before.
@@ -135,7 +146,7 @@ def _drops(viewer, page, sends: list[float]) -> Iterator[_Drop]:
     for number in itertools.count():
         viewer.page.select(None)  # its gizmo may stand before the next object
         page.wait_for_timeout(100)
-        start, end = _free_drag(session.scene, client.camera, number)
+        start, end = free_drag(session.scene, client.camera, number)
         before = session.last
         ends = (where_seen(client.camera, point, page) for point in (start, end))
         drag(page, *ends, moves=_MOVES, move_ms=_MOVE_MS)
@@ -164,6 +175,22 @@ def _free_drag(scene: NamedScene, camera, number: int) -> tuple[np.ndarray, np.n
             moved = move_object(scene, name, pose + move).arrays.object_pose[slot]
             return top, np.array([*moved[:2], top[2]])
     raise RuntimeError("no object can be dragged anywhere, use fewer")
+
+
+def _free_drag_of_surface(scene: NamedScene, camera, number: int) -> tuple[np.ndarray, np.ndarray]:
+    """From a place on a surface's top that the camera sees, as `_free_drag`."""
+    boxes, surfaces = scene.arrays.room.boxes, np.flatnonzero(scene.arrays.room.boxes.bears_objects)
+    corners = 0.8 * np.array([(-1, -1), (1, -1), (-1, 1), (1, 1)])
+    angles = np.arange(8) * np.pi / 4 + number
+    for box, corner, angle in itertools.product(np.roll(surfaces, -number), corners, angles):
+        name, place = scene.box_names[box], to_world(boxes.pose[box], corner[None] * boxes.half_size[box])[0]
+        top, move = np.array([*place, boxes.high[box]]), _STEP_M * np.array([np.cos(angle), np.sin(angle), 0.0])
+        seen, _ = hit(scene, camera.position, top - [0.0, 0.0, 0.002] - camera.position)
+        if seen == Target(name):
+            with contextlib.suppress(PlacementError):
+                move_piece(scene, name, np.asarray(boxes.pose[box], float) + move)
+                return top, top + move
+    raise RuntimeError("no surface can be dragged anywhere, take another seed")
 
 
 def _wait(done) -> None:

@@ -1,4 +1,8 @@
-"""The README's picture of the viewer: its page in a headless browser, in the middle of a plan, drawn into docs/."""
+"""The docs' pictures of the viewer: its page in a headless browser, in the middle of a plan.
+
+The README's is drawn by default; that of a room by `--scene docs/examples/room.yaml --planners greedy-stops --time-s 13
+--ask 2.9 4.1 --out docs/pictures/viewer_room.png`.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +23,10 @@ class Options:
 
     out: Path = Path("docs/viewer.png")
     """The picture."""
+    scene: Path | None = None
+    """What is shown instead of a random scene; all of it is seen."""
+    ask: tuple[float, float] | None = None
+    """A place on the floor that is asked about (m)."""
     seed: int = 3
     """Of the scene."""
     objects: int = 8
@@ -32,15 +40,20 @@ class Options:
 def main(arguments: list[str] | None = None) -> None:
     """Takes the picture."""
     from basenet_jax.viewer.app import Viewer
+    from basenet_jax.viewer.editing import pad
     from basenet_jax.viewer.session import Choices
 
     options = tyro.cli(Options, args=arguments, prog="python -m benchmarks.viewer_picture", description=__doc__)
     enable_cache()
-    viewer = Viewer(
-        bn.sample_scene(jax.random.key(options.seed), objects=options.objects), Choices(tuple(options.planners))
-    )
-    viewer.server.initial_camera.position = (0.6, 4.4, 3.4)
-    viewer.server.initial_camera.look_at = (-0.4, 0.5, 0.3)  # the panel covers the right side
+    if options.scene is None:
+        scene = bn.sample_scene(jax.random.key(options.seed), objects=options.objects)
+    else:
+        scene = pad(bn.load_scene(options.scene))
+    viewer = Viewer(scene, Choices(tuple(options.planners)))
+    if options.scene is None:
+        viewer.server.initial_camera.position = (0.6, 4.4, 3.4)
+        viewer.server.initial_camera.look_at = (-0.4, 0.5, 0.3)  # the panel covers the right side
+    viewer.session.ask(options.ask)
     try:
         viewer.session.wait_idle(PATIENCE_S)
         with page_of(viewer, 1280, 760) as page:

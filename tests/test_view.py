@@ -6,6 +6,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import urllib.request
 
 import pytest
@@ -98,3 +99,28 @@ def test_it_serves_until_it_is_interrupted(tmp_path):
     process.send_signal(signal.SIGINT)
     out, err = process.communicate()
     assert (process.returncode, out, err) == (0, "", "")
+
+
+class Stub:
+    """A viewer that serves nothing."""
+
+    def __init__(self, scene, choices, *, host, port, seed):
+        del choices, port, seed
+        self.scene = scene
+        self.url = f"http://{host}/?token=x"
+
+    def close(self):
+        return True
+
+
+@pytest.mark.parametrize(("host", "warns"), [("0.0.0.0", True), ("127.0.0.1", False)])
+def test_it_warns_where_others_reach_the_page(call, monkeypatch, host, warns):
+    monkeypatch.setattr("basenet_jax.viewer.app.Viewer", Stub)
+    monkeypatch.setattr(threading.Event, "wait", interrupt)
+    code, out, err = call("scene.yaml", "--planner", "greedy-stops", "--host", host, "--port", "0")
+    assert (code, out) == (0, f"basenet_jax.view: http://{host}/?token=x (Ctrl-C ends it)\n")
+    assert (f"--host {host}: whoever has this link" in err) is warns
+
+
+def interrupt(*_):
+    raise KeyboardInterrupt
