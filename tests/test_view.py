@@ -46,6 +46,7 @@ def test_help_says_what_it_is_for(call):
         (["scene.yaml", "--robot", "r2d2"], "robot: found 'r2d2', allowed are"),
         (["scene.yaml", "--weights", "none.weights"], "none.weights"),
         (["--objects", "0"], "objects: found 0, allowed are 1 to 50"),
+        (["--world", "rooms", "--objects", "0"], "objects: found 0, allowed are 1 to 50"),
         (["--port", "65536"], "--port: found 65536, allowed are 0 to 65535"),
         (["--host", "192.0.2.1"], "--host, --port: found 192.0.2.1 and 0"),
     ],

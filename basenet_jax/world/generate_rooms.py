@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from basenet_jax.config import SceneConfig
+from basenet_jax.config import MAX_OBJECTS, SceneConfig
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.reading import DEFAULT_ROBOT, load_robot, robot_name
 from basenet_jax.world.footprints import extent, rectangle_gaps
@@ -59,8 +59,10 @@ def draw_room(
         config: how far apart objects are, and from edges.
 
     Raises:
-        ValueError: so many objects, or so large a robot, find no place in any of 256 rooms.
+        ValueError: the number is out of range; or so many objects, or so large a robot, find no place in any of 256 rooms.
     """
+    if not 1 <= objects <= MAX_OBJECTS:
+        raise ValueError(f"objects: found {objects}, allowed are 1 to {MAX_OBJECTS}")
     draw, base = Draw(np.random.default_rng(seed)), load_robot(robot)
     for _ in range(_ROOMS):
         furniture = _draw_furniture(draw)
