@@ -59,7 +59,7 @@ def draw_room(
         config: how far apart objects are, and from edges.
 
     Raises:
-        ValueError: the number is out of range; or so many objects, or so large a robot, find no place in any of 256 rooms.
+        ValueError: the number is out of range, or so many objects, or so large a robot, find no place in 256 rooms.
     """
     if not 1 <= objects <= MAX_OBJECTS:
         raise ValueError(f"objects: found {objects}, allowed are 1 to {MAX_OBJECTS}")

@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -57,3 +58,20 @@ def test_a_camera_stays_above_the_floor(before, after):
     moved = Camera(client=SimpleNamespace(atomic=contextlib.nullcontext), position=before[0], look_at=before[1])
     asyncio.run(camera._stay_above(moved))  # pyright: ignore[reportArgumentType]
     np.testing.assert_allclose([moved.position, moved.look_at], after, atol=1e-12)
+
+
+def page_of(position, look_at, width=700, height=900):
+    client = SimpleNamespace(atomic=contextlib.nullcontext)
+    return Camera(client=client, image_width=width, image_height=height, position=position, look_at=look_at)
+
+
+def test_a_page_shows_all_at_first_and_then_what_its_owner_looks_at(scene):
+    first = SimpleNamespace()
+    server: Any = SimpleNamespace(initial_camera=first, on_client_connect=lambda _: None)
+    cameras = camera.Cameras(server, scene)
+    new, used = page_of(first.position, first.look_at), page_of((1.0, 2.0, 3.0), (0.0, 0.0, 0.0))
+    for page in (new, used, new):
+        asyncio.run(cameras._fit(page))  # pyright: ignore[reportArgumentType]
+    position, look_at = camera.whole_scene(scene, 700.0, 900.0)
+    np.testing.assert_allclose([new.position, new.look_at], [position, look_at])
+    np.testing.assert_allclose(used.position, (1.0, 2.0, 3.0))

@@ -6,11 +6,15 @@ import json
 import jax
 import numpy as np
 import pytest
+from PIL import Image
 
 from basenet_jax.config import PickConfig, WorldConfig
 from basenet_jax.task.plan_file import load_plan
-from basenet_jax.viewer import uploads
+from basenet_jax.viewer import furnishing, uploads
+from basenet_jax.viewer.editing import pad
+from basenet_jax.world.scene_file import load_scene
 from tests.scene_texts import CONTENT, TEXT
+from tests.viewer.conftest import EXAMPLE
 
 
 def test_a_scene_comes_back_as_it_went(scene):
@@ -18,6 +22,24 @@ def test_a_scene_comes_back_as_it_went(scene):
     assert read.names == scene.names
     for found, expected in zip(jax.tree.leaves(read.arrays), jax.tree.leaves(scene.arrays), strict=True):
         np.testing.assert_array_equal(found, expected)
+
+
+def test_a_room_comes_back_with_the_map_that_is_shown(tmp_path):
+    """A page sends no map, and may name no other file of this machine."""
+    Image.fromarray(np.full((200, 200), 254, np.uint8)).save(tmp_path / "hall.pgm")
+    (tmp_path / "hall.yaml").write_text(
+        "{image: hall.pgm, resolution: 0.05, origin: [0, 0, 0], negate: 0, occupied_thresh: 0.65, free_thresh: 0.25}"
+    )
+    (tmp_path / "room.yaml").write_text(EXAMPLE.read_text().replace("floor:", "map: hall.yaml\nfloor:"))
+    shown = pad(load_scene(tmp_path / "room.yaml"))
+    assert shown.map is not None
+    content = uploads.scene_file(furnishing.move_piece(shown, "bench", np.array([2.2, 4.4, 0.3])))
+    read = uploads.read_scene("any.yaml", content, before=shown)
+    assert read.map is shown.map
+    assert furnishing.pose_of(furnishing.pieces(read.furniture)["bench"].piece) == pytest.approx([2.2, 4.4, 0.3])
+    assert read.box_names == shown.box_names
+    with pytest.raises(ValueError, match=r"any\.yaml: map: found 'hall\.yaml'"):
+        uploads.read_scene("any.yaml", content)
 
 
 def test_the_end_of_the_name_tells_json_from_yaml():
