@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from matplotlib.patches import Circle, Patch, Polygon
+from matplotlib.patches import Circle, Patch, PathPatch, Polygon
 from matplotlib.path import Path
 from numpy.typing import ArrayLike
 
@@ -25,9 +25,10 @@ CLASS_NAMES = (*(kind.name.replace("_", " ") for kind in OBJECT_CLASSES), "own c
 BASE, PATH, PICK, FAILED, REACH = "#1B3A5C", "#7A93AC", "#8C8C8C", "#B00020", "#0072B2"
 _BASE_FACE = (0.11, 0.23, 0.36, 0.16)
 _REACH_ALPHA = 0.10
+_AROUND_M = 2.0  # that is shown of a map round what stands on it
 _SURFACE: dict[str, Any] = {"fc": "#EFE6D8", "ec": "#8A7A60", "zorder": 1}
 _SOLID: dict[str, Any] = {"fc": "#B9BCC0", "ec": "#6F7378", "zorder": 0.9}
-_KEEP_OUT: dict[str, Any] = {"fc": "#F6E3DE", "ec": "#D08A78", "lw": 0.6, "hatch": "///", "zorder": 0.8}
+_KEEP_OUT: dict[str, Any] = {"fc": "#F6E3DE", "ec": "#D08A78", "lw": 0.0, "hatch": "///", "zorder": 0.8}
 _HALO = (patheffects.withStroke(linewidth=2.5, foreground="white"),)  # keeps numbers readable on lines
 
 
@@ -62,11 +63,24 @@ def draw_plan(
 
 
 def draw_room(axes: Axes, room: Room) -> None:
-    """The boxes of a concrete room from above, surfaces over what else stands there, and the floor's bounds."""
+    """The boxes of a concrete room from above, surfaces over what else stands there, and the floor's bounds.
+
+    What only the base keeps out of, a map's thousands of rectangles too, is one shape; as much of it is shown as lies
+    round the rest.
+    """
     boxes = room.boxes
-    for index in np.flatnonzero(np.asarray(boxes.blocks_base) | np.asarray(boxes.blocks_arm)):
-        look = _SURFACE if boxes.bears_objects[index] else _SOLID if boxes.blocks_arm[index] else _KEEP_OUT
+    solid = np.asarray(boxes.blocks_arm)
+    for index in np.flatnonzero(solid):
+        look = _SURFACE if boxes.bears_objects[index] else _SOLID
         axes.add_patch(Polygon(rectangle(boxes.pose[index], boxes.half_size[index]), **look))
+    flat = [
+        rectangle(boxes.pose[i], boxes.half_size[i]) for i in np.flatnonzero(np.asarray(boxes.blocks_base) & ~solid)
+    ]
+    if flat:
+        whole = Path.make_compound_path(*(Path([*corners, corners[0]], closed=True) for corners in flat))
+        axes.add_artist(PathPatch(whole, **_KEEP_OUT))  # unlike a patch that is added, it widens nothing
+        around = np.concatenate([rectangle(boxes.pose[i], boxes.half_size[i]) for i in np.flatnonzero(solid)])
+        axes.update_datalim([np.min(around, axis=0) - _AROUND_M, np.max(around, axis=0) + _AROUND_M])
     if np.all(np.isfinite(room.floor)):
         x_min, y_min, x_max, y_max = np.asarray(room.floor, float).tolist()
         axes.plot([x_min, x_max, x_max, x_min, x_min], [y_min, y_min, y_max, y_max, y_min], color="#8A8A8A", lw=1.0)

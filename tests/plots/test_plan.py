@@ -3,18 +3,21 @@
 import dataclasses
 import io
 import itertools
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 
 from basenet_jax.plots import plot_plan
 from basenet_jax.plots.arm_reach import arm_reach
-from basenet_jax.plots.drawing import FAILED, short_list, to_world
+from basenet_jax.plots.drawing import FAILED, draw_room, short_list, to_world
 from basenet_jax.task.picking import Reason, pick
 from basenet_jax.task.plan import Outcome, Plan
+from basenet_jax.world.boxes import UNBOUNDED, Boxes, Room
 from basenet_jax.world.generate import draw_scene
 from tests.regrasp import regrasp
 
@@ -159,3 +162,27 @@ def test_users_own_classes_have_a_colour_and_a_name(robot, scene):
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert "own class" in labels
     assert "mug" not in labels
+
+
+def test_a_map_is_one_shape_and_what_stands_there_is_seen():
+    """Its rectangles reach far beyond the table that the plan is for."""
+    count = 300
+    pose = np.column_stack([np.linspace(-40, 40, count), np.full(count, 3.0), np.zeros(count)])
+    half_size, flat = np.full((count, 2), 0.1), np.arange(count) > 0
+    pose[0], half_size[0] = (1.0, 2.0, 0.0), (0.6, 0.3)
+    leaves: dict[str, Any] = {
+        "pose": pose,
+        "half_size": half_size,
+        "low": np.zeros(count),
+        "high": np.where(flat, 0.01, 0.8),
+        "blocks_base": np.ones(count, bool),
+        "blocks_arm": ~flat,
+        "bears_objects": ~flat,
+    }
+    floor: Any = np.array(UNBOUNDED)
+    axes = Figure().add_subplot()
+    draw_room(axes, Room(Boxes(**leaves), floor))
+    axes.autoscale_view()
+    assert len(axes.patches) + len(axes.artists) == 2
+    low, high = axes.get_xlim()
+    assert (-3.0 < low < -1.0, 3.0 < high < 5.0) == (True, True)
