@@ -32,13 +32,13 @@ class Panel:
         gui.set_panel_label("basenet_jax")
         self._status = gui.add_html("", visible=False)
         self._figures = gui.add_html("")
+        with gui.add_folder("What can be picked from here", visible=False) as self._asking:  # seen without scrolling
+            self._answer = gui.add_html("")
+            self.forget = gui.add_button("Forget the question")
         gui.add_html(words.hints())
         self._add_planners(planners)
         self._add_timeline()
         self._add_objects()
-        with gui.add_folder("What can be picked from here", visible=False) as self._asking:
-            self._answer = gui.add_html("")
-            self.forget = gui.add_button("Forget the question")
         self._add_files()
         self.shadows = gui.add_checkbox("shadows", False, hint="Slower to draw without a graphics card.")
 
