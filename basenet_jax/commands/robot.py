@@ -1,4 +1,4 @@
-"""Looks at robots: `python -m basenet_jax.robot check my_arm.yaml --out folder`, `python -m basenet_jax.robot list`."""
+"""Looks at robots: `python -m basenet_jax.robot check my_arm.yaml --out folder`; `init my_arm.urdf`, `list`."""
 
 import sys
 from dataclasses import dataclass
@@ -36,25 +36,78 @@ class Check:
 
 
 @dataclass(frozen=True)
+class Init:
+    """Writes a first robot file for a URDF or MJCF, what is guessed marked.
+
+    Finds the arm's joints and frames, takes limits and speeds as the model has them, and searches for a posture with
+    the tool straight down over a deck, clear of body and table, on a base that is guessed. Correct what is marked, then
+    `check` it. Exit codes: 0 it is written, 2 there is no such model, arm or posture, or a file is there already.
+    """
+
+    model: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL")]
+    """A URDF or MJCF."""
+    out: Path | None = None
+    """The robot file, in the model's folder or in one above it. Default: robot.yaml beside the model."""
+    arm_base: str | None = None
+    """The frame that the arm stands on. Default: the one before its first joint."""
+    tool: str | None = None
+    """The tool's frame, which says which arm is meant. Default: the likeliest."""
+    package: tuple[str, ...] = ()
+    """Description packages that lie elsewhere, NAME=DIR each, for package://NAME/... in the model."""
+
+
+@dataclass(frozen=True)
 class List:
     """Names the robots that come with the package."""
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Runs the command and returns its exit code."""
-    commands = Annotated[Check, tyro.conf.subcommand("check")] | Annotated[List, tyro.conf.subcommand("list")]
+    commands = (
+        Annotated[Check, tyro.conf.subcommand("check")]
+        | Annotated[Init, tyro.conf.subcommand("init")]
+        | Annotated[List, tyro.conf.subcommand("list")]
+    )
     options = tyro.cli(commands, args=arguments, prog="python -m basenet_jax.robot")
     if isinstance(options, List):
         from basenet_jax.robot.reading import packaged_robots
 
         print("\n".join(packaged_robots()))
         return 0
+    if isinstance(options, Init):
+        return _init(options)
     if not 1 <= options.grasps <= 10_000:
         return _fail(2, f"--grasps: found {options.grasps}, allowed are 1 to 10000")
     try:
         return _check(options)
     except KeyboardInterrupt:
         return _fail(130, "interrupted")
+
+
+def _init(options: Init) -> int:
+    from basenet_jax.atomic import write_atomically
+    from basenet_jax.compilation import enable_cache
+    from basenet_jax.robot.first_file import write_first_file
+
+    enable_cache()
+    out = options.out or options.model.parent / "robot.yaml"
+    if out.exists():
+        return _fail(2, f"--out: {out} is there already")
+    try:
+        packages = _packages(options.package)
+        text, chain = write_first_file(
+            options.model, out, arm_base=options.arm_base, tool=options.tool, packages=packages
+        )
+        write_atomically(out, text.encode())
+    except ValueError as error:
+        return _fail(2, f"{options.model}: {error}")
+    except OSError as error:
+        return _fail(2, f"--out: {out} can't be written: {error.strerror}")
+    print(f"wrote {out}: {len(chain.joints)} joints from {chain.arm_base} to {chain.tool}; correct what is guessed")
+    if chain.others:
+        print(f"other tool frames (--tool): {', '.join(chain.others[:10])}")
+    print(f"then: python -m basenet_jax.robot check {out} --out check")
+    return 0
 
 
 def _check(options: Check) -> int:

@@ -6,7 +6,7 @@
 import functools
 import hashlib
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 from types import MappingProxyType
@@ -173,22 +173,39 @@ def read_source(
     try:
         document = read_json(path) if path.suffix.lower() == ".json" else read_yaml(path)
         file = convert(document, RobotFile, format_name=FORMAT, allowed=ALLOWED)
-        check_file(file, () if packaged else packaged_robots())
-        folder = path.resolve().parent
-        model_path = check_model_path(file.model, folder)
-        text = read_model_text(model_path, folder, visual=file.shapes == "visual", packages=packages)
-        tool, arm_base = tool_place(file), file.frames.arm_base
-        check_joint_texts(file.joints, text.joints)
-        check_chain(tool.field, arm_base, tool.frame, text.joints)
-        shapes = None if file.capsules else file.shapes
-        model = compile_model(text, joints=file.joints, arm_base=arm_base, shapes=shapes)
-        arm = read_arm(model, joints=file.joints, arm_base=arm_base, tool=tool, fixed=fixed_joints(file, model))
-        if file.capsules:
-            arm = arm._replace(capsules=_own_capsules(file, model, arm))
-        robot = build_robot(file, model, arm)
-        check_robot(file, robot)
+        return read_fields(file, path, taken=() if packaged else packaged_robots(), packages=packages)
     except DocumentError as error:
         raise RobotFileError(f"{path}: {error}") from None
+
+
+def read_fields(
+    file: RobotFile, path: Path, *, taken: Sequence[str] = (), packages: Mapping[str, Path] = MappingProxyType({})
+) -> Source:
+    """The robot of a robot file's fields.
+
+    Args:
+        file: the fields.
+        path: where the file stands, or will.
+        taken: names that it must not have.
+        packages: folders of description packages that lie elsewhere, by their names.
+
+    Raises:
+        DocumentError: the fields or the model are refused.
+    """
+    check_file(file, taken)
+    folder = path.resolve().parent
+    model_path = check_model_path(file.model, folder)
+    text = read_model_text(model_path, folder, visual=file.shapes == "visual", packages=packages)
+    tool, arm_base = tool_place(file), file.frames.arm_base
+    check_joint_texts(file.joints, text.joints)
+    check_chain(tool.field, arm_base, tool.frame, text.joints)
+    shapes = None if file.capsules else file.shapes
+    model = compile_model(text, joints=file.joints, arm_base=arm_base, shapes=shapes)
+    arm = read_arm(model, joints=file.joints, arm_base=arm_base, tool=tool, fixed=fixed_joints(file, model))
+    if file.capsules:
+        arm = arm._replace(capsules=_own_capsules(file, model, arm))
+    robot = build_robot(file, model, arm)
+    check_robot(file, robot)
     stays = [(capsule.link, capsule.fit) for capsule in arm.capsules if capsule.link == 0]
     notes = joint_notes(file.joints, file.joint_speed, ~model.jnt_limited[arm.joint_ids].astype(bool), text.joints)
     own = robot.replace(model_xml=write_mjcf(robot, stays))

@@ -99,8 +99,8 @@ BAD = [
     ),
     ("[0.31, -0.22, 0.4]", "[0.31, 1]", "objects[0].pose: found [0.31, 1], allowed is [x, y, yaw], three numbers"),
     (
-        "0.31, -0.12, 0.4",
-        "0.31, -0.12, 90",
+        "0.31, -0.22, 0.4",
+        "0.31, -0.22, 90",
         "objects[0].pose[2]: found 90, allowed is a number from -100 to 100 (m), and t",
     ),
     ("0.31", "'a'", "objects[0].pose[0]: found 'a', allowed is a number from -100 to 100 (m), and the angle from -6.3"),
