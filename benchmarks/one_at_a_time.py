@@ -18,7 +18,7 @@ from basenet_jax.planners.candidates import REACH_MARGIN
 from basenet_jax.robot.kinematics import reach_sphere
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.arm_solutions import heights, turns
-from basenet_jax.task.picking import checked_fractions
+from basenet_jax.task.pick_search import checked_fractions
 from basenet_jax.world.boxes import Room
 from basenet_jax.world.mujoco_scene import MujocoChecker
 from benchmarks.peer_arms import eaik_arm

@@ -155,12 +155,13 @@ def _kept(fields: list[GraspPoseFields], tool0: Float[np.ndarray, "4 4"]) -> tup
         moved = np.stack([_matrix(each.position, each.rpy_degrees) for each in fields]) @ tool0
         poses = np.column_stack([moved[:, :3, 3], _rpy(moved[:, :3, :3])])
     approach = [0.0 if isinstance(each.approach, UnsetType) else each.approach for each in fields]
-    grasps = Grasps(
-        poses.astype(np.float32),
-        np.array(approach, np.float32),
-        np.array([each.symmetric for each in fields]),
-        np.ones(len(fields), bool),
-    )
+    leaves: dict[str, Any] = {  # on the host
+        "pose": poses.astype(np.float32),
+        "approach": np.array(approach, np.float32),
+        "symmetric": np.array([each.symmetric for each in fields]),
+        "there": np.ones(len(fields), bool),
+    }
+    grasps = Grasps(**leaves)
     score = np.array([0.0 if isinstance(each.score, UnsetType) else each.score for each in fields])
     index = select(grasps, score, KEPT)
     return grasps[index], index

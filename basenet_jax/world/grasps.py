@@ -48,11 +48,11 @@ def top_down(grasp: Float[ArrayLike, "*batch 4"], numpy: Any = jnp) -> Grasps:
         grasp: x, y, z (m) and yaw (rad) of tool0.
         numpy: the module that makes the arrays: NumPy, or `jax.numpy` where grasps are traced.
     """
-    grasp = numpy.asarray(grasp)[..., None, :]
-    one = numpy.ones(grasp.shape[:-1], bool)
-    fixed = numpy.broadcast_to(numpy.array([np.pi, 0.0], grasp.dtype), (*grasp.shape[:-1], 2))
-    pose = numpy.concatenate([grasp[..., :3], fixed, grasp[..., 3:]], axis=-1)
-    return Grasps(pose, numpy.zeros(one.shape, grasp.dtype), one, one)
+    planar: Any = numpy.asarray(grasp)[..., None, :]
+    one = numpy.ones(planar.shape[:-1], bool)
+    fixed = numpy.broadcast_to(numpy.array([np.pi, 0.0], planar.dtype), (*planar.shape[:-1], 2))
+    pose = numpy.concatenate([planar[..., :3], fixed, planar[..., 3:]], axis=-1)
+    return Grasps(pose, numpy.zeros(one.shape, planar.dtype), one, one)
 
 
 def of_class(grasp: Float[ArrayLike, "*batch 3"], numpy: Any = jnp) -> Grasps:
@@ -62,9 +62,8 @@ def of_class(grasp: Float[ArrayLike, "*batch 3"], numpy: Any = jnp) -> Grasps:
         grasp: in the objects' frames, whose origins are the objects' centres.
         numpy: as for `top_down`.
     """
-    grasp = numpy.asarray(grasp)
-    zero = numpy.zeros_like(grasp[..., :1])
-    return top_down(numpy.concatenate([grasp[..., :1], zero, grasp[..., 1:]], axis=-1), numpy)
+    own: Any = numpy.asarray(grasp)
+    return top_down(numpy.concatenate([own[..., :1], numpy.zeros_like(own[..., :1]), own[..., 1:]], axis=-1), numpy)
 
 
 def in_world(

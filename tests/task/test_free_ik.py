@@ -1,5 +1,7 @@
 """Collision-free inverse kinematics, beside MuJoCo and all branches tried one by one."""
 
+from typing import Any
+
 import jax
 import numpy as np
 import pytest
@@ -19,15 +21,16 @@ ROWS, DOUBT = 256, 1e-4  # m
 def boxes():
     """A table, a board above it and a wall behind it."""
     yes = np.ones(3, bool)
-    return Boxes(
-        pose=np.array([[0.0, 0.0, 0.0], [0.2, 0.1, 0.3], [0.0, 0.5, 0.0]], np.float32),
-        half_size=np.array([[1.0, 0.4], [0.5, 0.15], [1.2, 0.05]], np.float32),
-        low=np.array([0.0, 1.35, 0.0], np.float32),
-        high=np.array([0.75, 1.38, 2.0], np.float32),
-        blocks_base=yes,
-        blocks_arm=yes,
-        bears_objects=~yes,
-    )
+    leaves: dict[str, Any] = {
+        "pose": np.array([[0.0, 0.0, 0.0], [0.2, 0.1, 0.3], [0.0, 0.5, 0.0]], np.float32),
+        "half_size": np.array([[1.0, 0.4], [0.5, 0.15], [1.2, 0.05]], np.float32),
+        "low": np.array([0.0, 1.35, 0.0], np.float32),
+        "high": np.array([0.75, 1.38, 2.0], np.float32),
+        "blocks_base": yes,
+        "blocks_arm": yes,
+        "bears_objects": ~yes,
+    }
+    return Boxes(**leaves)
 
 
 @pytest.fixture(scope="module")

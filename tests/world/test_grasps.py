@@ -1,5 +1,7 @@
 """Grasps in their objects' frames and in W, beside SciPy's rotations; which of many are kept."""
 
+from typing import Any
+
 import jax
 import numpy as np
 import pytest
@@ -15,7 +17,9 @@ def some(count, seed=0):
     """Any grasps of one object, on the host."""
     rng = np.random.default_rng(seed)
     pose = np.concatenate([rng.uniform(-0.3, 0.3, (count, 3)), rng.uniform(-3, 3, (count, 3))], axis=1)
-    return Grasps(pose.astype(np.float32), np.zeros(count, np.float32), np.ones(count, bool), np.ones(count, bool))
+    one: Any = np.ones(count, bool)
+    leaves: Any = (pose.astype(np.float32), np.zeros(count, np.float32), one, one)
+    return Grasps(*leaves)
 
 
 def matrices(pose):
