@@ -104,6 +104,8 @@ class PickConfig(Settings):
     """So many states are checked inside each of the moves home to pre-grasp and pre-grasp to stow."""
     refinements: Natural = 1
     """Damped-least-squares steps on closed-form waypoints."""
+    last_joint_angles: Count = 16
+    """Of the seventh joint, for which an arm with a closed form of seven joints is solved."""
     lattice_seeds: Count = 64
     """Of an arm without a closed form, for each way to hold the gripper."""
     lattice_first_iterations: Natural = 8

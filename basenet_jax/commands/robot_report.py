@@ -16,6 +16,7 @@ from basenet_jax.evaluation.robot_check import (
     solved_share,
 )
 from basenet_jax.evaluation.servable import Served, random_grasps
+from basenet_jax.robot import seven, ur
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.reading import Source
 from basenet_jax.robot.set_up import tool_tilt_degrees
@@ -23,6 +24,11 @@ from basenet_jax.task.picking import Reason
 from basenet_jax.world.boxes import Room
 
 _POOR_IK = 0.9
+_SOLVERS = {
+    ur.NAME: "the closed form of Universal Robots' arms",
+    seven.NAME: "the closed form of seven joints with a spherical shoulder",
+    None: "damped least squares",
+}
 _MANY, _FEW = 0.5, 0.1  # shares of grasps: with less served the causes are looked for; the robot is no use
 
 
@@ -90,7 +96,7 @@ def _facts(source: Source) -> RichTable:
         low, high, home, stow = (f"{factor * values[index]:.5g}" for values in angles)
         rates = (f"{factor * values[index]:.4g}" for values in (robot.joint_speed, robot.joint_acceleration))
         table.add_row(name, low, high, unit, *rates, home, stow)
-    solver = "the closed form of Universal Robots' arms" if robot.closed_form else "damped least squares"
+    solver = _SOLVERS[robot.closed_form]
     table.caption = f"inverse kinematics by {solver}"
     return table
 

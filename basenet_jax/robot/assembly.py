@@ -9,6 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from basenet_jax.robot import seven
 from basenet_jax.robot.arm_shapes import self_pairs
 from basenet_jax.robot.fields import RobotFile
 from basenet_jax.robot.model import Robot
@@ -53,7 +54,11 @@ def build_robot(file: RobotFile, model: mujoco.MjModel, arm: Arm) -> Robot:
         omnidirectional=file.drive == "omnidirectional",
     )
     robot = robot.replace(self_pairs=self_pairs(robot))
-    return robot if file.closed_form == "none" else with_closed_form(robot)
+    if file.closed_form == "none":
+        return robot
+    if seven.is_spherical_shouldered(robot):
+        return robot.replace(closed_form=seven.NAME)
+    return with_closed_form(robot)
 
 
 def _arm_leaves(arm: Arm, model: mujoco.MjModel, capsules: list[Capsule]) -> dict[str, np.ndarray]:

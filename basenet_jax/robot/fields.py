@@ -133,7 +133,7 @@ ALLOWED = {
     "joints": f"is a list of {_COUNT} joint names, from arm base to tool (with fewer a gripper can't be held straight "
     "down, turned in any way, at any place; of more, freeze some under fixed)",
     "joints[]": "is a joint's name",
-    "closed_form": "is ur or none, or no such key: an arm like Universal Robots' is recognised",
+    "closed_form": "is ur or none, or no such key: arms that have one are recognised",
     "drive": f"is {' or '.join(DRIVES)}, or no such key",
     "joint_speed": f"is a list of {_COUNT} numbers, one for each joint (rad/s, or m/s)",
     "joint_speed[]": "is a number from 0.01 to 20 (rad/s, or m/s of a sliding joint)",

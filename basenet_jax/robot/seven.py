@@ -12,17 +12,17 @@ joint is the angle between where an axis is carried without it and where it must
 
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jaxtyping import Float
 
+from basenet_jax.robot.closed_form import ClosedForm
 from basenet_jax.robot.kinematics import Frame, Vector, add, chain, components, cross, dot, scale, subtract
 from basenet_jax.robot.model import Robot
-from basenet_jax.robot.ur import ClosedForm
 from basenet_jax.trigonometry import atan2, sin_cos
 
+NAME = "spherical-shoulder"
 BRANCHES = 8
 _TINY = 1e-9
 _MEETS_M, _ALIGNED = 2e-3, 2e-3  # by how much a recognised arm's axes may miss each other, and right angles' cosines
@@ -179,4 +179,4 @@ def _nearest_on(axis: Vector, point: Vector, other_axis: Vector, other_point: Ve
 
 def _meeting(axes: list, origins: list, first: int, second: int) -> Float[np.ndarray, "3"]:
     vectors = (components(np.asarray(x)) for x in (axes[first], origins[first], axes[second], origins[second]))
-    return np.array(jax.device_get(_nearest_on(*vectors)))
+    return np.array(_nearest_on(*vectors))

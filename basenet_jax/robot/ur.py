@@ -10,10 +10,12 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jax import Array
 
+from basenet_jax.robot.closed_form import ClosedForm
 from basenet_jax.robot.kinematics import Frame, Vector, add, attach, cross, dot, scale, subtract
 from basenet_jax.robot.model import Robot, UrFrames
 from basenet_jax.trigonometry import atan2, wrap_angle
 
+NAME = "ur"
 BRANCHES = 8
 _ALIGNED = 1e-6  # of sin q5, below which joints 4 and 6 turn about one line
 
@@ -24,13 +26,6 @@ class Branch(NamedTuple):
     shoulder: Array
     wrist: Array
     elbow: Array
-
-
-class ClosedForm(NamedTuple):
-    """Joints in (-pi, 3/2 pi), and by how many metres the nearest reachable point misses the target (0: reached)."""
-
-    joints: tuple[Array, ...]
-    shortfall: Array
 
 
 def branch_signs(index: Array) -> Branch:

@@ -16,7 +16,8 @@ from jaxtyping import Bool, Float, Int
 
 from basenet_jax import rounds
 from basenet_jax.config import PickConfig
-from basenet_jax.robot import ur
+from basenet_jax.robot import seven, ur
+from basenet_jax.robot.closed_form import ClosedForm
 from basenet_jax.robot.ik import damped_least_squares, residual
 from basenet_jax.robot.kinematics import Frame, Vector, components, scale, subtract
 from basenet_jax.robot.kinematics import turn as turn_about_z
@@ -26,6 +27,7 @@ from basenet_jax.trigonometry import sin_cos
 from basenet_jax.world.grasps import Grasps
 
 Joints = tuple[Array, ...]
+_SHARES = 9  # of the step between two angles of a seventh joint, tried about the best one
 
 
 class Picks(NamedTuple):
@@ -63,12 +65,14 @@ class Solutions(NamedTuple):
     """K solutions of each of B picks: for each grasp the same number, those of the first grasp first."""
 
     estimate: Float[Array, "K B"]  # s, of the whole cycle before refinement; infinite where there is no solution
-    pregrasp: Float[Array, "dof K B"] | None  # None for robots with a closed form
+    pregrasp: Float[Array, "dof K B"] | None = None  # None for robots with a closed form
+    sharpest: Int[Array, "G B"] | None = None  # of seven joints: which solution of each grasp was looked at closer,
+    aside: Float[Array, "G B"] | None = None  # and how far (rad) its last joint is beside its angle
 
 
 def solve(robot: Robot, picks: Picks, config: PickConfig, seeds: Float[Array, "seeds dof"] | None = None) -> Solutions:
     """Estimates every solution of every pick; where there is no closed form, from seeds, by default a `lattice`."""
-    if robot.closed_form == "ur":
+    if robot.closed_form is not None:
         return _by_grasp(picks, lambda own: _solve_closed_form(robot, own, config))
     joints = lattice(robot, config.lattice_seeds) if seeds is None else seeds
     return _by_grasp(picks, lambda own: _solve_from_seeds(robot, own, config, joints))
@@ -81,11 +85,19 @@ def _by_grasp(picks: Picks, solve_own: Callable[[Picks], Solutions]) -> Solution
         solutions = solve_own(Picks(picks.base_pose, *own))
         return solutions._replace(estimate=jnp.where(own[-1], solutions.estimate, jnp.inf))
 
-    estimate, pregrasp = jax.lax.map(solve_next, picks[1:])
-    estimate = estimate.reshape(-1, estimate.shape[-1])
+    solutions = jax.lax.map(solve_next, picks[1:])
+    pregrasp, estimate = solutions.pregrasp, solutions.estimate.reshape(-1, solutions.estimate.shape[-1])
     if pregrasp is not None:
         pregrasp = jnp.moveaxis(pregrasp, 0, 1).reshape(pregrasp.shape[1], *estimate.shape)
-    return Solutions(estimate, pregrasp)
+    sharp = jax.tree.map(lambda x: x[:, 0], solutions[2:])
+    return Solutions(estimate, pregrasp, *sharp)
+
+
+def _aside(picks: Picks, solutions: Solutions, choice: Int[Array, " B"]) -> Float[Array, " B"]:
+    """How far (rad) the last of seven joints is beside its angle in some solutions."""
+    own = len(solutions.estimate) // picks.grasps
+    sharpest, aside = (x[choice // own, jnp.arange(len(choice))] for x in solutions[2:])
+    return jnp.where(choice % own == sharpest, aside, 0.0)
 
 
 def waypoints(
@@ -95,7 +107,9 @@ def waypoints(
     own = picks.by(grasp_of(picks, solutions, choice))
     target = tool_target(robot, own, _back(own, heights(config)[:, None], config), (choice % turns(config)) * jnp.pi)
     if solutions.pregrasp is None:
-        joints = ur.closed_form(robot, target, ur.branch_signs(choice // turns(config) % ur.BRANCHES)).joints
+        aside = 0.0 if solutions.aside is None else _aside(picks, solutions, choice)
+        branch = choice // turns(config) % branches(robot, config)
+        joints = _branch(robot, target, branch, aside, config).joints
         shape = (len(heights(config)), len(choice))
         return target, _follow(robot, tuple(jnp.broadcast_to(q, shape) for q in joints))
     start = jnp.take_along_axis(solutions.pregrasp, choice[None, None], axis=1)[:, 0]
@@ -162,6 +176,27 @@ def cycle_duration(robot: Robot, pregrasp: Joints, grasp: Joints, config: PickCo
     return out + 2 * descent + carry + always
 
 
+def branches(robot: Robot, config: PickConfig) -> int:
+    """How many solutions the closed form gives: of seven joints for each of some angles of the last."""
+    return ur.BRANCHES if robot.closed_form == ur.NAME else seven.BRANCHES * config.last_joint_angles
+
+
+def _branch(
+    robot: Robot, target: Frame, index: Int[Array, "*batch"], aside: Float[Array, "*batch"] | float, config: PickConfig
+) -> ClosedForm:
+    """The closed form's solutions of these numbers, with the last of seven joints so far (rad) beside its angle."""
+    if robot.closed_form == ur.NAME:
+        return ur.closed_form(robot, target, ur.branch_signs(index))
+    angle = jnp.maximum(robot.joint_lower[-1], -jnp.pi) + (index // seven.BRANCHES + 0.5) * _angle_step(robot, config)
+    return seven.closed_form(robot, target, angle + aside, seven.branch_signs(index % seven.BRANCHES))
+
+
+def _angle_step(robot: Robot, config: PickConfig) -> Array:
+    """Between the angles (rad) of joint 7 that are tried."""
+    lower, upper = jnp.maximum(robot.joint_lower[-1], -jnp.pi), jnp.minimum(robot.joint_upper[-1], jnp.pi)
+    return (upper - lower) / config.last_joint_angles
+
+
 def _solve_closed_form(robot: Robot, picks: Picks, config: PickConfig) -> Solutions:
     """A loop over the branches: as one expression over all of them XLA computes it once for every use of the result."""
     (batch,) = picks.approach.shape
@@ -170,9 +205,8 @@ def _solve_closed_form(robot: Robot, picks: Picks, config: PickConfig) -> Soluti
     below = tool_target(robot, picks, 0.0, turn)
     shape, allowed = (turns(config), batch), (turn == 0) | picks.symmetric
 
-    def estimate(branch: Array) -> Array:
-        sign = ur.branch_signs(branch)
-        ends = [ur.closed_form(robot, target, sign) for target in (above, below)]
+    def estimate(branch: Array, aside: Array | float = 0.0) -> Array:
+        ends = [_branch(robot, target, branch, aside, config) for target in (above, below)]
         pregrasp, inside = _nearest_equivalents(robot, ends[0].joints, tuple(robot.home))
         grasp, grasp_inside = _nearest_equivalents(robot, ends[1].joints, pregrasp)
         reached = (ends[0].shortfall <= config.position_tolerance_m) & (
@@ -181,7 +215,28 @@ def _solve_closed_form(robot: Robot, picks: Picks, config: PickConfig) -> Soluti
         duration = cycle_duration(robot, pregrasp, grasp, config)
         return jnp.broadcast_to(jnp.where(inside & grasp_inside & reached & allowed, duration, jnp.inf), shape)
 
-    return Solutions(jax.lax.map(estimate, jnp.arange(ur.BRANCHES)).reshape(-1, batch), None)
+    estimates = jax.lax.map(estimate, jnp.arange(branches(robot, config))).reshape(-1, batch)
+    if robot.closed_form == ur.NAME:
+        return Solutions(estimates)
+    return _sharpen(estimates, estimate, _angle_step(robot, config), config)
+
+
+def _sharpen(
+    estimates: Float[Array, "K B"], estimate: Callable[..., Array], step: Array, config: PickConfig
+) -> Solutions:
+    """The solutions of seven joints, the fastest of each pick with the last joint at the best angle about its own."""
+    best, (batch,) = jnp.argmin(estimates, axis=0), estimates.shape[1:]
+    shares = np.delete(np.linspace(-0.5, 0.5, _SHARES), _SHARES // 2)
+
+    def try_next(share: Array) -> Array:
+        every = estimate(best // turns(config), share * step)
+        return jnp.take_along_axis(every, (best % turns(config))[None], axis=0)[0]
+
+    found = jax.lax.map(try_next, jnp.asarray(shares, estimates.dtype))
+    at, here = jnp.argmin(found, axis=0), jnp.arange(batch)
+    better = found[at, here] < estimates[best, here]
+    aside = jnp.where(better, jnp.asarray(shares)[at], 0.0) * step
+    return Solutions(estimates.at[best, here].min(found[at, here]), sharpest=best[None], aside=aside[None])
 
 
 def _solve_from_seeds(robot: Robot, picks: Picks, config: PickConfig, joints: Float[Array, "seeds dof"]) -> Solutions:
