@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from basenet_jax.world.scene import NamedScene
 
 
-_CLUTTER = "clutter isn't looked at yet: objects beside the one that is picked, and the arm itself, may be in the way"
+_CLUTTER = "objects beside the one that is picked aren't looked at yet, and may be in the way"
 
 
 @dataclass(frozen=True, kw_only=True)

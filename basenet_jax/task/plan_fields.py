@@ -40,6 +40,7 @@ class StepFields(Struct, forbid_unknown_fields=True):
     pick_time_s: _Duration
     arm: ArmFields | None
     least_singular_value: Annotated[float, Meta(ge=0)] | None = None  # m and rad; older files have none
+    grasp_index: Annotated[int, Meta(ge=0)] | UnsetType = UNSET  # of a room's object: which of its grasps, as written
     manoeuvre: list[LegFields] | UnsetType = UNSET  # of a docked drive from the pose before
     staging_pose: tuple[_Coordinate, _Coordinate, _Coordinate] | UnsetType = UNSET  # whence it goes straight to the end
 
@@ -99,6 +100,7 @@ ALLOWED = {
     "steps[].pick_time_s": _SECONDS,
     "steps[].arm": "is a mapping of joint angles, or null",
     "steps[].least_singular_value": "is a number from 0 on (m and rad), or null",
+    "steps[].grasp_index": "is a whole number from 0 on, or no such key",
     "steps[].staging_pose": "is [x, y, heading], three numbers (m, m, rad), or no such key",
     "steps[].staging_pose[]": "is a number from -1000 to 1000 (m or rad)",
     "steps[].manoeuvre": "is a list of legs, or no such key",

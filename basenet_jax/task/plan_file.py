@@ -174,9 +174,16 @@ def _step(scene: NamedScene, plan: Plan, outcome: Outcome, step: int, drives: di
         pick_time_s=shortest(outcome.pick_time[step]),
         arm=ArmFields(pre_grasp=shortest(joints[0]), grasp=shortest(joints[-1])) if feasible else None,
         least_singular_value=shortest(least[step]) if feasible and least is not None else None,
+        grasp_index=UNSET if not feasible or scene.kept_grasps is None else _grasp_index(scene, plan, outcome, step),
         manoeuvre=[_leg(leg) for leg in drive.legs] if drive.legs else UNSET,
         staging_pose=UNSET if (staging := drive.staging_pose) is None else tuple(staging.tolist()),
     )
+
+
+def _grasp_index(scene: NamedScene, plan: Plan, outcome: Outcome, step: int) -> int:
+    """Which of the object's grasps, in the order of its file, of which planning keeps some."""
+    assert scene.kept_grasps is not None
+    return scene.kept_grasps[int(plan.object_index[step])][int(outcome.grasp[step])]
 
 
 def _changes(world: WorldConfig, base: WorldConfig) -> dict[str, Any]:
