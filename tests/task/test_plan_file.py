@@ -176,7 +176,7 @@ def put(*keys_and_value):
     [
         (put("format", "basenet-plan/2"), "format: found 'basenet-plan/2', allowed is 'basenet-plan/1'"),
         (put("robot", "fetch"), "robot: found 'fetch', allowed is the scene's, 'ur5e_mobile'"),
-        (put("colour", 1), "colour: found an unknown key, allowed are format, planner, robot, world, drive_times, planning_t"),
+        (put("colour", 1), "colour: found an unknown key, allowed are format, planner, robot, world, drive_times, "),
         (put("planning_time_s", -1), "planning_time_s: found -1, allowed is a number from 0 on (s)"),
         (put("totals", "grasped", True), "totals.grasped: found true, allowed is a whole number"),
         (put("steps", 0, "object", "cup"), "steps[0].object: found 'cup', allowed are the scene's: mug_1, mug_2"),
