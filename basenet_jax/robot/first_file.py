@@ -34,6 +34,9 @@ from basenet_jax.robot.tool import nearest_turn
 
 _TABLE_M = 0.75  # the default table's top
 _TOOLS = ("tool0", "tcp", "tool", "grasp", "attachment", "flange", "hand", "gripper", "ee")  # in names, best first
+_FINGERS = ("jaw", "finger", "grip", "claw", "knuckle")  # in the names of joints that close a gripper
+_SENSORS = ("camera", "sensor", "optical", "range", "laser")
+_TIPS = ("tcp", "grasp", "tip")  # in the names of frames where the fingers meet
 _SPEED, _ACCELERATION = 1.0, 1.4
 _BASE: dict[str, Any] = {
     "footprint": [0.8, 0.5],
@@ -86,7 +89,7 @@ def write_first_file(
         "model": str(model.relative_to(folder)),
         "frames": {"arm_base": chain.arm_base},
         "tool": {"frame": chain.tool},
-        "grasp_depth": GRASP_DEPTH_M,
+        "grasp_depth": 0.0 if any(part in chain.tool.lower() for part in _TIPS) else GRASP_DEPTH_M,
         "joints": list(chain.joints),
         "joint_speed": speeds,
         "joint_acceleration": [_ACCELERATION] * len(speeds),
@@ -127,6 +130,7 @@ def find_chain(
 
     def rank(name: str) -> tuple[int, int, int]:
         known = next((index for index, part in enumerate(_TOOLS) if part in name.lower()), len(_TOOLS))
+        known += len(_TOOLS) * any(part in name.lower() for part in _SENSORS)
         return -min(len(long[name]), MAX_JOINTS), known, -_depth(model, frames[name])
 
     best = min(long, key=rank)
@@ -152,7 +156,8 @@ def _moving(model: mujoco.MjModel, body: int, joints: Mapping[str, ModelJoint]) 
         body = int(model.body_parentid[body])
     single = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
     found = [joint for joint in found if int(model.jnt_type[joint]) in single]
-    if found and int(model.jnt_type[found[-1]]) == single[1]:
+    name = model.joint(found[-1]).name.lower() if found else ""
+    if found and (int(model.jnt_type[found[-1]]) == single[1] or any(part in name for part in _FINGERS)):
         return []
     mimics = any(joints.get(model.joint(joint).name, ModelJoint()).mimics for joint in found)
     return [] if mimics else found

@@ -54,6 +54,20 @@ def test_one_of_two_arms_is_chosen_by_its_tool(tmp_path, capsys):
     assert "other tool frames (--tool): right_tool0, " in capsys.readouterr().out
 
 
+def test_a_jaw_is_no_joint_of_the_arm_nor_a_camera_its_tool(tmp_path, capsys):
+    """Six joints of which the last one opens a gripper are an arm of five; a TCP is where the fingers meet."""
+    jaw = mini.urdf(j6=mini.joint("j6").replace('"j6"', '"Jaw"'))
+    assert init(tmp_path, jaw) == 2
+    assert "model: found 5 joints in a row at most, allowed are arms of 6 or more" in capsys.readouterr().err
+    ends = '<parent link="tool0"/><child link="{0}"/><origin xyz="0 0 0.1"/>'
+    names = ("hand_camera", "tcp")
+    frames = "".join(f'<link name="{n}"/><joint name="to_{n}" type="fixed">{ends.format(n)}</joint>' for n in names)
+    assert init(tmp_path, mini.urdf(frames), "--tool", "tcp") == 0
+    assert yaml.safe_load((tmp_path / "robot.yaml").read_text())["grasp_depth"] == 0.0
+    assert init(tmp_path / "any", mini.urdf(frames).replace("tool0", "last")) == 0
+    assert yaml.safe_load((tmp_path / "any" / "robot.yaml").read_text())["tool"]["frame"] == "tcp"
+
+
 def test_visual_shapes_are_taken_where_there_are_no_others(tmp_path):
     visual = {link: mini.shape(link).replace("collision", "visual") for link in mini.LINKS}
     assert init(tmp_path, mini.urdf(**visual)) == 0
