@@ -43,10 +43,13 @@ jax.monitoring.register_event_duration_secs_listener(_count_program)
 
 
 def cache_folder() -> Path | None:
-    """`basenet_jax` of the user's cache folder; None where `BASENET_JAX_CACHE` is `off`."""
+    """`basenet_jax` of the user's cache folder; None where `BASENET_JAX_CACHE` is `off`, or the user has no home."""
     if os.environ.get("BASENET_JAX_CACHE") == "off":
         return None
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "basenet_jax"
+    try:
+        return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "basenet_jax"
+    except RuntimeError:  # in a container, say: neither HOME nor an entry in the list of users
+        return None
 
 
 def enable_cache() -> None:

@@ -80,6 +80,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _train(options: Arguments, base: TrainConfig) -> int:
     # Here and not above: JAX, Brax and MuJoCo take seconds to import, which --help needn't wait for.
+    from basenet_jax.commands.output_files import check_name
     from basenet_jax.compilation import enable_cache
     from basenet_jax.devices import use_devices
     from basenet_jax.evaluation.summary import print_summary, summarise
@@ -111,6 +112,8 @@ def _train(options: Arguments, base: TrainConfig) -> int:
     path = options.run_dir or default_path(options.preset, options.seed)
     reporter = make_reporter()
     try:
+        check_name("--run-dir", path)
+        training.check(path, options.layer)
         with RunDirectory(path, config, resume=options.resume) as run:
             reporter.note(f"run directory: {path}")
             weights = training.train(run, reporter, layer=options.layer, resume=options.resume)

@@ -1,6 +1,7 @@
 """Programs that outlive the process."""
 
 import functools
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -119,6 +120,16 @@ def test_few_programs_are_kept_those_used_last(folder, monkeypatch):
 def test_where_nothing_can_be_stored_it_works_without(folder):
     (folder / "programs").write_text("in the way")
     check(new()(X, factor=2.0))
+
+
+def test_without_a_home_nothing_is_stored(monkeypatch):
+    def none():
+        raise RuntimeError("Could not determine home directory.")
+
+    for name in ("XDG_CACHE_HOME", "BASENET_JAX_CACHE"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(Path, "home", none)
+    assert compilation.cache_folder() is None
 
 
 def test_a_folder_that_can_only_be_read_serves_what_it_has(folder, monkeypatch):

@@ -98,8 +98,9 @@ def test_what_the_results_are_made_with_is_recorded(capsys, scene_dir, tmp_path)
         (["--planners", "best"], "--planners: found 'best', allowed are all, fixed, lazy, picky, dp, unhappy"),
         (["--objects", "0"], "--objects: found 0, allowed are 1 to 50"),
         (["--objects", "5", "51"], "--objects: found 51, allowed are 1 to 50"),
-        (["--scenes", "0"], "--scenes: found 0, allowed are 1 and more"),
-        (["--repeats", "0"], "--repeats: found 0, allowed are 1 and more"),
+        (["--scenes", "0"], "--scenes: found 0, allowed are 1 to 100000"),
+        (["--scenes", "99999999999"], "--scenes: found 99999999999, allowed are 1 to 100000"),
+        (["--repeats", "0"], "--repeats: found 0, allowed are 1 to 100000"),
         (["--seed", "-1"], "--seed: found -1, allowed are 0 to 4294967295"),
         (["--scene-dir", "none"], "none: found no folder of this name"),
         (["--scene-dir", "none", "--scenes", "3"], "--scene-dir: its files say what the scenes are; leave out"),
@@ -133,6 +134,14 @@ def test_results_that_cannot_be_written_are_refused_before_any_work(capsys, tmp_
         assert code == 2
         assert err.startswith(f"basenet_jax.evaluate: --out: {out} can't be written: ")
     assert (tmp_path / "file").read_text() == "here"
+
+
+def test_what_is_refused_leaves_no_folder(capsys, tmp_path):
+    for wrong in (["--planners", "dp", "--scene-dir", tmp_path / "none"], ["--weights", tmp_path / "none.weights"]):
+        code, _, err = call(capsys, *wrong, "--out", tmp_path / "results" / "table")
+        assert code == 2
+        assert "none" in err
+        assert not list(tmp_path.iterdir())
 
 
 def test_an_interrupted_evaluation_leaves_the_old_results(capsys, scene_dir, tmp_path):

@@ -228,9 +228,15 @@ def test_explain_counts_base_poses(call, monkeypatch):
         (["scene.yaml", "--export", "no/where"], "--export: found no/where, whose folder isn't there, allowed is"),
         (["scene.yaml", "--table-pose", "0", "nan", "0"], "--table-pose: found (0.0, nan, 0.0), allowed are finite"),
         (["scene.yaml", "--video", "a.avi"], "--video: found a.avi, allowed are names ending in .mp4, .gif"),
-        (["scene.yaml", "--video-speed", "0"], "--video-speed: found 0.0, allowed are numbers above 0"),
+        (["scene.yaml", "--video-speed", "0"], "--video-speed: found 0.0, allowed are 0.1 to 1000"),
+        (["scene.yaml", "--video-speed", "1e-9"], "--video-speed: found 1e-09, allowed are 0.1 to 1000"),
+        (["scene.yaml", "--video-speed", "nan"], "--video-speed: found nan, allowed are 0.1 to 1000"),
+        (
+            ["scene.yaml", "--planner", "basenet-sample", "--samples", "1000000000"],
+            "SampleOptions.samples: found 1000000000, allowed are whole numbers, 1 to 16384",
+        ),
     ],
-    ids=range(12),
+    ids=range(15),
 )
 def test_bad_input_is_refused_before_planning(call, made, arguments, said):
     code, out, err = call(*arguments)
@@ -238,6 +244,35 @@ def test_bad_input_is_refused_before_planning(call, made, arguments, said):
     assert err.startswith(f"basenet_jax.plan: {said}")
     assert err.count("\n") == 1
     assert sorted(os.listdir()) == ["far.yaml", "scene.yaml"]
+
+
+LONG, CIRCLES = "File name too long", "Too many levels of symbolic links"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["a" * 256], LONG),
+        (["circle"], CIRCLES),
+        (["scene.yaml", "--out", "a" * 256], LONG),
+        (["scene.yaml", "--out", "circle"], CIRCLES),
+        (["scene.yaml", "--picture", "circle/a.png"], CIRCLES),
+        (["scene.yaml", "--robot", "circle/robot.yaml"], CIRCLES),
+        (["scene.yaml", "--robot", "a" * 256 + ".yaml"], LONG),
+        (["scene.yaml", "--config", "a" * 256 + ".yaml"], LONG),
+        (["scene.yaml", "--export", "a" * 256], LONG),
+        (["scene.yaml", "--export", "circle"], "circle"),
+        (["scene.yaml", "--drive-times", "circle"], CIRCLES),
+    ],
+)
+def test_names_that_the_system_does_not_take_are_refused_before_planning(call, made, tmp_path, arguments, said):
+    (tmp_path / "circle").symlink_to("circle")
+    code, out, err = call(*arguments)
+    assert (code, out, made) == (2, "", [])
+    assert err.startswith("basenet_jax.plan: ")
+    assert said in err
+    assert err.count("\n") == 1
+    assert sorted(os.listdir()) == ["circle", "far.yaml", "scene.yaml"]
 
 
 def test_a_folder_without_the_right_to_write_is_found_before_planning(call, made, monkeypatch):

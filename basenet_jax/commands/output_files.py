@@ -12,6 +12,7 @@ def check_output_file(option: str, path: Path, suffixes: tuple[str, ...] = ()) -
     """
     if suffixes and path.suffix.lower() not in suffixes:
         raise ValueError(f"{option}: found {path}, allowed are names ending in {', '.join(suffixes)}")
+    check_name(option, path)
     if path.is_dir():
         raise ValueError(f"{option}: found {path}, which is a folder, allowed is a file")
     if not path.parent.is_dir():
@@ -20,6 +21,22 @@ def check_output_file(option: str, path: Path, suffixes: tuple[str, ...] = ()) -
     device = path.exists() and not path.is_file()
     if not os.access(path if device else path.resolve().parent, os.W_OK):
         raise ValueError(f"{option}: found {path}, which can't be written, allowed is a file that can")
+
+
+def check_name(option: str, path: Path) -> None:
+    """That the system takes a name, whether or not something is there: not one that is too long or leads in circles.
+
+    Raises:
+        ValueError: it doesn't; the message names the option, what was found and why.
+    """
+    try:
+        path.stat()
+    except FileNotFoundError:
+        return
+    except (OSError, ValueError) as error:
+        why = error.strerror if isinstance(error, OSError) else str(error)
+        found = f"{str(path)[:57]}..." if len(str(path)) > 60 else path
+        raise ValueError(f"{option}: found {found}, which can't be used: {why}, allowed is another name") from None
 
 
 def check_different(paths: dict[str, Path | None]) -> None:
@@ -33,6 +50,8 @@ def check_different(paths: dict[str, Path | None]) -> None:
     """
     seen: dict[Path, str] = {}
     for option, path in paths.items():
+        if path is not None:
+            check_name(option, path)
         if path is None or (path.exists() and not path.is_file()):
             continue
         if other := seen.get(path.resolve()):

@@ -4,7 +4,7 @@ import io
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
-from math import inf, isfinite, radians
+from math import isfinite, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from basenet_jax.planners.timed import TimedPlan
     from basenet_jax.task.plan import Outcome, Plan
     from basenet_jax.world.scene import NamedScene
+
+
+_SPEEDS = 0.1, 1000  # of films: slower ones are longer than memory
 
 
 class OutputError(ValueError):
@@ -70,8 +73,9 @@ def check_outputs(options: Wanted) -> None:
         from basenet_jax.plots import check_video  # Matplotlib takes half a second to import
 
         check_video("--video", options.video)
-    if not 0 < options.video_speed < inf:
-        raise ValueError(f"--video-speed: found {options.video_speed}, allowed are numbers above 0")
+    slowest, fastest = _SPEEDS
+    if not slowest <= options.video_speed <= fastest:
+        raise ValueError(f"--video-speed: found {options.video_speed}, allowed are {slowest} to {fastest}")
     if options.export:
         check_export("--export", options.export, options.export_format)
     if not all(isfinite(number) for number in options.table_pose):

@@ -1,6 +1,9 @@
 """From what a user asks for to planners and scenes, with every wrong wish refused before any work."""
 
 import dataclasses
+import errno
+import os
+import stat
 import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +22,7 @@ from basenet_jax.settings import Settings
 from basenet_jax.world.scene import MAX_OBJECTS
 
 DEFAULT_OBJECTS, DEFAULT_SCENES = (5, 10), 50
+MAX_SCENES = 100_000
 
 
 @dataclass(frozen=True)
@@ -55,11 +59,12 @@ def prepare(request: Request, arguments: list[str]) -> tuple[Planners, list[Scen
     given = request.options | ({} if request.devices is None else {"devices": request.devices})
     options = own_options(request.planners, given)
     factories = choose_planners(options)
-    _make_folder(request.out)
+    _check_folder(request.out)
     setup, sets, source = _scenes(request)
     planners = Planners(factories, setup)
     for name in planners.names:  # so that bad weights are refused before hours of work
         planners.get(name, sets[0].scene(0).room)
+    _make_folder(request.out)
     about = {
         "command": provenance.command("basenet_jax.evaluate", arguments),
         "scenes": source,
@@ -100,8 +105,8 @@ def _check_numbers(request: Request) -> None:
             raise ValueError(f"--objects: found {number}, allowed are 1 to {MAX_OBJECTS}")
     for name in ("scenes", "repeats", "timed"):
         number = getattr(request, name)
-        if number is not None and number < 1:
-            raise ValueError(f"--{name}: found {number}, allowed are 1 and more")
+        if number is not None and not 1 <= number <= MAX_SCENES:
+            raise ValueError(f"--{name}: found {number}, allowed are 1 to {MAX_SCENES}")
     if not 0 <= request.seed < 2**32:
         raise ValueError(f"--seed: found {request.seed}, allowed are 0 to {2**32 - 1}")
 
@@ -110,6 +115,18 @@ def _plain(options: Settings) -> dict[str, Any]:
     """Options for the record; of paths the last part."""
     values = dataclasses.asdict(options)
     return {name: value.name if isinstance(value, Path) else value for name, value in values.items()}
+
+
+def _check_folder(folder: Path) -> None:
+    """Whether the folder could be made: what is refused later leaves none behind."""
+    try:
+        above = next(each for each in (folder, *folder.absolute().parents) if os.path.lexists(each))
+        if not stat.S_ISDIR(above.stat().st_mode):
+            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
+        if not os.access(above, os.W_OK | os.X_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    except OSError as error:
+        raise ValueError(f"--out: {folder} can't be written: {error.strerror}") from error
 
 
 def _make_folder(folder: Path) -> None:

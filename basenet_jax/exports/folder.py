@@ -58,6 +58,14 @@ def check_export(name: str, directory: str | os.PathLike[str], formats: Sequence
         needed = 'needs the package rosbags: pip install "basenet_jax[ros]"'
         raise ExportError(f"format: found bag, which {needed}; yaml and csv need nothing")
     path = Path(directory)
+    try:
+        path.resolve(strict=True)
+    except FileNotFoundError:
+        pass  # to be made
+    except (OSError, RuntimeError) as error:  # a name that is too long, or links that lead in circles
+        why = error.strerror if isinstance(error, OSError) else "it leads in circles"
+        found = f"{name}: found {str(path)[:60]}, which can't be used: {why}"
+        raise ExportError(f"{found}, allowed is another name") from None
     if path.exists() and not path.is_dir():
         raise ExportError(f"{name}: found {path}, which is a file, allowed is a new or empty folder")
     if path.is_dir() and any(path.iterdir()):

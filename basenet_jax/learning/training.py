@@ -1,6 +1,7 @@
 """One whole training: the paper's two layers, then the policy over candidate stops."""
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import jax
@@ -66,6 +67,19 @@ class Training:
     def reinforce(self, base_pose: BasePosePolicy) -> Reinforce:
         """The sequence learner for a frozen base-pose policy."""
         return Reinforce(self.robot, base_pose, self.config.reinforce, self.config.world, self.devices)
+
+    @staticmethod
+    def check(run_path: Path, layer: Layer) -> None:
+        """Whether a layer can be trained in a run directory, before that is made.
+
+        Raises:
+            ValueError: base-pose weights are needed and there are none.
+        """
+        if layer == "sequence" and not (run_path / "weights" / BASE_POSE_WEIGHTS).exists():
+            file = run_path / "weights" / BASE_POSE_WEIGHTS
+            raise ValueError(
+                f"{file}: found no such file, which --layer sequence needs; train --layer base-pose there first"
+            )
 
     def train(self, run: RunDirectory, reporter: Reporter, *, layer: Layer = "all", resume: bool = False) -> Trained:
         """Trains the layers asked for, and writes their weights into the run directory.

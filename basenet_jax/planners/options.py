@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
 from basenet_jax.config import AlignedConfig, RefinementConfig
-from basenet_jax.settings import Count, NotNegative, Positive, Settings
+from basenet_jax.settings import Count, NotNegative, Positive, Range, Settings
 
 
 @dataclass(frozen=True)
@@ -49,5 +50,5 @@ class StopsOptions(LearnedOptions):
 class SampleOptions(StopsOptions):
     """Of basenet-sample."""
 
-    samples: Count = 256
+    samples: Annotated[int, Range(1, 16_384)] = 256
     """Rollouts that are drawn beside the greedy one; the best is taken."""

@@ -78,7 +78,10 @@ def robot_stamp(reference: str) -> Stamp:
 def _load(reference: str) -> tuple[Robot, Stamp]:
     if reference in packaged_robots():
         return _load_packaged(reference), ()
-    path = str(Path(reference).resolve())
+    try:
+        path = str(Path(reference).resolve())
+    except (OSError, RuntimeError):  # links that lead in circles: reading says so
+        path = reference
     kept = _kept.get(path)
     if kept is None or kept[1] != _stamp([file for file, *_ in kept[1]]):
         source = find_source(reference)
