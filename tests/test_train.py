@@ -214,7 +214,7 @@ def test_layers_trained_one_by_one_each_having_died_are_bit_for_bit_those_of_one
 def test_the_sequence_alone_needs_base_pose_weights(capsys, tmp_path):
     code, _, err = call(capsys, *SIZES, "--run-dir", str(tmp_path / "run"), "--layer", "sequence")
     assert code == 2
-    assert "base_pose.weights: there is no such file, which the sequence needs" in err
+    assert "base_pose.weights: found no such file, which --layer sequence needs" in err
     assert not list(tmp_path.iterdir())
 
 
