@@ -74,7 +74,14 @@ def errors():
 
 
 def open_tab(browser, viewer, errors):
-    """Another tab of the browser with the viewer in it."""
+    """Another tab of the browser with the viewer in it, once the mouse hits what is there."""
+    tab = open_panel(browser, viewer, errors)
+    wait_until_drawn(viewer, tab)
+    return tab
+
+
+def open_panel(browser, viewer, errors):
+    """Another tab, once its panel is there."""
     tab, others = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT}), len(viewer.server.get_clients())
     tab.set_default_timeout(1000 * WATCHDOG_S)
     tab.on("console", lambda message: message.type == "error" and errors.append(message.text))
@@ -83,7 +90,6 @@ def open_tab(browser, viewer, errors):
     tab.goto(viewer.url)
     expect(tab.get_by_text("N + G")).to_be_visible()
     wait_for(lambda: len(viewer.server.get_clients()) == others + 1)
-    wait_until_drawn(viewer, tab)
     return tab
 
 
@@ -310,7 +316,7 @@ def test_nobody_else_is_told_of_an_upload(viewer, page, browser, errors):
     wait_for(lambda: viewer.session.scene.names == ("mug_1", "part_7"))
     shared = viewer.server._websock_server.get_message_buffer().message_from_id.values()
     assert not any(type(message).__name__ == "FileTransferPartAck" for message in list(shared))
-    second = open_tab(browser, viewer, errors)
+    second = open_panel(browser, viewer, errors)
     expect(second.get_by_text("mine.yaml")).to_be_hidden()
     second.close()
     wait_for(lambda: len(viewer.server.get_clients()) == 1)
@@ -321,8 +327,7 @@ def test_why_something_isn_t_done_is_told_to_who_did_it_alone(viewer, page, brow
     end = np.array([*viewer.session.scene.arrays.object_pose[1, :2], start[2]])
     drag(page, seen(viewer, page, start), seen(viewer, page, end))
     expect(page.get_by_text("mug_1 can't stand there, mug_2 does")).to_be_visible()
-    viewer.page.select(None)  # the gizmo stands before what is waited for
-    second = open_tab(browser, viewer, errors)
+    second = open_panel(browser, viewer, errors)
     expect(second.get_by_text("mug_1 can't stand there")).to_be_hidden()
     second.close()
     wait_for(lambda: len(viewer.server.get_clients()) == 1)
