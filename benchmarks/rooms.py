@@ -33,7 +33,6 @@ from basenet_jax.planners.registry import make_planner
 from basenet_jax.planners.timed import plan_timed
 from basenet_jax.task.plan import compiled_execute
 from basenet_jax.world.generate_rooms import draw_room
-from basenet_jax.world.room_batch import pad_scene
 from basenet_jax.world.scene import NamedScene, Scene
 from basenet_jax.world.scene_file import save_scene
 from benchmarks.harness import QUICK_OBJECTS, Options, Report, parse
@@ -128,8 +127,7 @@ def _plans(name: str, rooms: list[NamedScene], repeats: int) -> Row:
     """Warm planning times of a planner, one for each room, and how its plans do."""
     times, grasped, execution = [], 0, []
     for room in rooms:
-        scene = pad_scene(room.arrays, slots=len(room.names))
-        setup = PlannerSetup(room=scene.room)
+        scene, setup = room.arrays, PlannerSetup(room=room.arrays.room)
         timed = plan_timed(make_planner(name, setup), scene, jax.random.key(0), repeats=repeats)
         outcome = jax.device_get(compiled_execute(setup.robot, scene, timed.plan, setup.docked, config=setup.world))
         times.append(timed.planning_time_s)
