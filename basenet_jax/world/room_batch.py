@@ -1,5 +1,6 @@
 """Rooms of one size: batches of random ones, for programs that plan and learn in many at once."""
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
@@ -7,7 +8,7 @@ import jax
 import numpy as np
 
 from basenet_jax.robot.reading import DEFAULT_ROBOT
-from basenet_jax.world.boxes import Room, pad
+from basenet_jax.world.boxes import pad
 from basenet_jax.world.generate_rooms import Draw, draw_room
 from basenet_jax.world.scene import NamedScene, Scene
 
@@ -43,9 +44,10 @@ def pad_scene(scene: Scene, *, slots: int, boxes: int = PADDED_BOXES) -> Scene:
     if missing < 0:
         raise ValueError(f"slots: found {len(scene.mask)}, allowed are up to {slots}")
     own: dict[str, Any] = {"robot_start": scene.robot_start}
-    own["room"] = Room(pad(scene.room.boxes, boxes), scene.room.floor)
+    own["room"] = dataclasses.replace(scene.room, boxes=pad(scene.room.boxes, boxes))
     names = [name for name in Scene.__dataclass_fields__ if name not in own]
     for name in names:
-        column = np.asarray(getattr(scene, name))
-        own[name] = np.pad(column, [(0, missing)] + [(0, 0)] * (column.ndim - 1))
+        own[name] = jax.tree.map(
+            lambda column: np.pad(column, [(0, missing)] + [(0, 0)] * (np.ndim(column) - 1)), getattr(scene, name)
+        )
     return Scene(**own)

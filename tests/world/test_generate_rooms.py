@@ -102,6 +102,7 @@ def test_rooms_of_a_batch_are_padded_to_one_size():
     batch, rooms = draw_rooms(0, 4, (1, 3), slots=3)
     assert batch.room.boxes.pose.shape == (4, PADDED_BOXES, 3)
     assert batch.object_pose.shape == (4, 3, 3)
+    assert batch.object_grasps.pose.shape[:2] == batch.object_grasps.there.shape[:2] == (4, 3)
     assert {len(room.names) for room in rooms} == {1, 3}
     solid = blocks(batch.room.boxes, 0.75)
     for index, room in enumerate(rooms):
