@@ -48,7 +48,7 @@ def closed_form(robot: Robot, target: Frame, branch: Branch) -> ClosedForm:
     Robots UR-5/UR-10 arms*, 2013, gives the same eight solutions). Where the target is out of reach, the joints of
     the nearest stretched or folded arm with the target's orientation are returned, and the shortfall is positive.
     Where joints 4 and 6 align (sin q5 = 0) the choice between them is free; the two wrist branches then are those with
-    joint 5's axis upright.
+    joint 5's axis in line with the arm, so that the elbow has least and most to reach.
 
     Args:
         robot: one with `closed_form == "ur"`; its lengths are read from its joint frames, or from its `ur_frames`; a
@@ -92,8 +92,10 @@ def _in_dh_frames(lengths: tuple[Array, ...], target: Frame, branch: Branch) -> 
     sin_5 = jnp.sqrt(dot(across, across))
     aligned = sin_5 < _ALIGNED
     over_sin_5 = jnp.where(aligned, 0.0, branch.wrist / jnp.where(aligned, 1.0, sin_5))
-    upright = (jnp.zeros(()), jnp.zeros(()), jnp.where(aligned, branch.wrist, 0.0))
-    wrist_axis = add(scale(over_sin_5, across), upright)  # joint 5's
+    out, up = wrist_centre[1] * m[0] - wrist_centre[0] * m[1], wrist_centre[2] - d1  # from the shoulder, across m
+    over_length = jnp.where(aligned, branch.wrist / jnp.sqrt(out * out + up * up + _ALIGNED**2), 0.0)
+    in_line = scale(over_length, (-m[1] * out, m[0] * out, up))
+    wrist_axis = add(scale(over_sin_5, across), in_line)  # joint 5's
     elbow_end = subtract(subtract(wrist_centre, scale(d5, wrist_axis)), scale(d4, m))
     radial = elbow_end[1] * m[0] - elbow_end[0] * m[1]  # m = (sin1, -cos1, 0)
     q2, q3, elbow_shortfall = _planar_two_link(radial, elbow_end[2] - d1, a2, a3, branch.elbow)

@@ -18,7 +18,7 @@ from basenet_jax.plots.drawing import to_world
 from basenet_jax.robot.reading import load_robot
 from basenet_jax.world.boxes import Boxes
 from basenet_jax.world.footprints import in_frame
-from basenet_jax.world.grasps import of_class
+from basenet_jax.world.grasps import of_objects
 from basenet_jax.world.occupancy_map import is_on_map
 from basenet_jax.world.room_checks import boxes_at_base, object_inside, stays_on_floor
 from basenet_jax.world.scene import BY_SLOT, MAX_OBJECTS, OBJECT_CLASSES, NamedScene, Scene
@@ -161,21 +161,24 @@ def add_object(scene: NamedScene, kind: str) -> NamedScene:
     own = OBJECT_CLASSES[index]
     name = next(each for each in (f"{kind}_{i}" for i in itertools.count(1)) if each not in scene.names)
     arrays = scene.arrays
+    grasps, held = own.grasps(sides=scene.furniture is not None and scene.furniture.clutter), arrays.object_grasps
     row = {
         "object_pose": (0.0, 0.0, 0.0),
         "object_size": own.size,
-        "object_grasps": of_class(np.array((own.grasp_x, own.grasp_z, own.grasp_yaw), np.float32), np),
         "object_class": index,
         "mask": True,
         "surface_height": 0.0,
     }
-
-    def append(old: np.ndarray, new: Any) -> np.ndarray:
-        return np.concatenate([old[:count], np.asarray(new, old.dtype)[None]])
-
-    longer = {leaf: jax.tree.map(append, old, row[leaf]) for leaf, old in _by_slot(arrays).items()}
-    grown = dataclasses.replace(scene, arrays=dataclasses.replace(arrays, **longer), names=(*scene.names, name))
-    return _at_freest_place(pad(grown), count)
+    longer: dict[str, Any] = {
+        leaf: np.concatenate([(old := getattr(arrays, leaf))[:count], np.asarray(new, old.dtype)[None]])
+        for leaf, new in row.items()
+    }
+    longer["object_grasps"] = of_objects([*(held[slot][held.there[slot]] for slot in range(count)), grasps])
+    kept = scene.kept_grasps and (*scene.kept_grasps, tuple(range(len(grasps.there))))
+    grown = dataclasses.replace(arrays, **longer)
+    return _at_freest_place(
+        pad(dataclasses.replace(scene, arrays=grown, names=(*scene.names, name), kept_grasps=kept)), count
+    )
 
 
 def remove_object(scene: NamedScene, name: str) -> NamedScene:
@@ -192,7 +195,9 @@ def remove_object(scene: NamedScene, name: str) -> NamedScene:
 def keep_objects(scene: NamedScene, slots: Sequence[int] | Int[np.ndarray, " K"]) -> NamedScene:
     """The scene with the objects of some slots alone."""
     left = dataclasses.replace(scene.arrays, **jax.tree.map(lambda x: x[slots], _by_slot(scene.arrays)))
-    return pad(dataclasses.replace(scene, arrays=left, names=tuple(scene.names[index] for index in slots)))
+    names, kept = tuple(scene.names[index] for index in slots), scene.kept_grasps
+    kept = kept and tuple(kept[index] for index in slots)
+    return pad(dataclasses.replace(scene, arrays=left, names=names, kept_grasps=kept))
 
 
 def _by_slot(arrays: Scene) -> dict[str, Any]:
