@@ -18,7 +18,7 @@ from jax import Array
 from jaxtyping import Float
 
 from basenet_jax.robot.closed_form import ClosedForm
-from basenet_jax.robot.kinematics import Frame, Vector, add, chain, components, cross, dot, scale, subtract
+from basenet_jax.robot.kinematics import Frame, Vector, add, chain, cross, dot, scale, subtract
 from basenet_jax.robot.model import Robot
 from basenet_jax.trigonometry import atan2, sin_cos
 
@@ -108,7 +108,7 @@ def is_spherical_shouldered(robot: Robot) -> bool:
     misses = [np.linalg.norm(np.cross(shoulder - origins[2], axes[2]))]
     misses += [np.linalg.norm(np.cross(point - origins[k], axes[k])) for point, k in ((shoulder, 1), (wrist, 5))]
     misses.append(abs((wrist - shoulder) @ axes[3]))
-    return max(right) < _ALIGNED and max(misses) < _MEETS_M
+    return bool(max(right) < _ALIGNED and max(misses) < _MEETS_M)
 
 
 class _AtZero(NamedTuple):
@@ -178,5 +178,5 @@ def _nearest_on(axis: Vector, point: Vector, other_axis: Vector, other_point: Ve
 
 
 def _meeting(axes: list, origins: list, first: int, second: int) -> Float[np.ndarray, "3"]:
-    vectors = (components(np.asarray(x)) for x in (axes[first], origins[first], axes[second], origins[second]))
+    vectors = (tuple(x) for x in (axes[first], origins[first], axes[second], origins[second]))
     return np.array(_nearest_on(*vectors))

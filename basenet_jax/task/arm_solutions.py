@@ -96,7 +96,10 @@ def _by_grasp(picks: Picks, solve_own: Callable[[Picks], Solutions]) -> Solution
 def _aside(picks: Picks, solutions: Solutions, choice: Int[Array, " B"]) -> Float[Array, " B"]:
     """How far (rad) the last of seven joints is beside its angle in some solutions."""
     own = len(solutions.estimate) // picks.grasps
-    sharpest, aside = (x[choice // own, jnp.arange(len(choice))] for x in solutions[2:])
+    assert solutions.sharpest is not None
+    assert solutions.aside is not None
+    own_grasp = choice // own, jnp.arange(len(choice))
+    sharpest, aside = solutions.sharpest[own_grasp], solutions.aside[own_grasp]
     return jnp.where(choice % own == sharpest, aside, 0.0)
 
 

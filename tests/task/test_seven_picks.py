@@ -31,7 +31,8 @@ def problems():
 
 @pytest.fixture(scope="module")
 def picks(arm, room, problems):
-    return compiled.pick(arm, *problems, room)
+    base, grasp = problems
+    return compiled.pick(arm, base, grasp, room)
 
 
 def test_feasible_picks_break_no_rule_in_mujoco(arm, room, problems, picks):
@@ -45,7 +46,8 @@ def test_feasible_picks_break_no_rule_in_mujoco(arm, room, problems, picks):
 
 def test_more_angles_find_no_slower_picks(arm, room, problems, picks):
     """Three times as many angles of joint 7: what is found by default is nearly as good."""
-    more = compiled.pick(arm, *problems, room, dataclasses.replace(PickConfig(), last_joint_angles=48))
+    base, grasp = problems
+    more = compiled.pick(arm, base, grasp, room, dataclasses.replace(PickConfig(), last_joint_angles=48))
     both = more.feasible & picks.feasible
     assert np.mean(more.feasible) >= np.mean(picks.feasible) - 0.01
     assert np.mean(more.time[both]) <= np.mean(picks.time[both])
