@@ -43,6 +43,7 @@ SCRIPTS = (
     "routing",
     "docked_drives",
     "rooms",
+    "grasps",
 )
 
 Cells = tuple[str, ...]
