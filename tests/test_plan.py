@@ -308,7 +308,7 @@ def test_what_a_planner_refuses_is_passed_on(call, monkeypatch):
     [
         (["--planner", "best"], "planner: found 'best', allowed are pbg, pbg-gc, mbp, mbp-gc, dp, "),
         (["--weights", "none"], "none: can't be read: No such file or directory"),
-        (["--weights", "scene.yaml"], "scene.yaml: format: found 'format: basenet-scene/1', needs 'basenet-weights/1'"),
+        (["--weights", "scene.yaml"], "scene.yaml: format: found 'format: basenet-sce', needs 'basenet-weights/1'"),
     ],
     ids=range(3),
 )

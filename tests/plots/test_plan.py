@@ -19,6 +19,7 @@ from basenet_jax.task.picking import Reason, pick
 from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.world.boxes import UNBOUNDED, Boxes, Room
 from basenet_jax.world.generate import draw_scene
+from basenet_jax.world.grasps import top_down
 from tests.regrasp import regrasp
 
 STOPS = jnp.array([[0.3, -0.9, 0.1], [0.3, -0.9, 0.1], [0.5, 0.95, 3.0], [0.0, 0.0, 0.0]])
@@ -80,7 +81,7 @@ def test_the_reach_is_where_inverse_kinematics_ends(robot, room):
     assert 0.7 < farthest < 1.0
     x, y = robot.mount_position[:2] + np.array([0.0, 3.0])  # far from the table, so that only the arm decides
     grasps = jnp.array([[x - distance, y, height, 0.0] for distance in (farthest - 0.01, farthest + 0.02)])
-    picks = jax.jit(pick)(robot, jnp.array([0.0, 3.0, 0.0]), grasps, room)
+    picks = jax.jit(pick)(robot, jnp.array([0.0, 3.0, 0.0]), top_down(grasps), room)
     np.testing.assert_array_equal(picks.reason, [Reason.NONE, Reason.OUT_OF_REACH])
 
 

