@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from basenet_jax.robot.closed_form import ClosedForm
-from basenet_jax.robot.kinematics import Frame, Vector, add, attach, cross, dot, scale, subtract
+from basenet_jax.robot.kinematics import Frame, Vector, attach, dot, scale, subtract
 from basenet_jax.robot.model import Robot, UrFrames
 from basenet_jax.trigonometry import atan2, wrap_angle
 
@@ -39,6 +39,11 @@ def all_branches(batch_dimensions: int) -> Branch:
     sign = jnp.array([1.0, -1.0])
     trailing = (1,) * batch_dimensions
     return Branch(sign.reshape(2, 1, 1, *trailing), sign.reshape(2, 1, *trailing), sign.reshape(2, *trailing))
+
+
+def turns_tool(robot: Robot) -> bool:
+    """Whether the last joint turns the tool about its own z, so that turning the gripper changes that joint alone."""
+    return robot.closed_form == NAME and robot.ur_frames is None
 
 
 def closed_form(robot: Robot, target: Frame, branch: Branch) -> ClosedForm:
@@ -85,17 +90,17 @@ def _in_dh_frames(lengths: tuple[Array, ...], target: Frame, branch: Branch) -> 
     d1, a2, a3, d4, d5, d6 = lengths
     wrist_centre = subtract(target.origin, scale(d6, target.z))
     m, cylinder_shortfall = _parallel_axis(wrist_centre, d4, branch.shoulder)
-    z_m = dot(target.z, m)  # cos5
-    # Of length sin5, and computed from the tool's z alone: so all but joint 6 is the same, and computed once, for
-    # targets that differ in a turn of the tool about its z.
-    across = cross(m, target.z)
+    (m_x, m_y, _), (z_x, z_y, z_z) = m, target.z
+    z_m = m_x * z_x + m_y * z_y  # cos5
+    # m x z, of length sin5, and computed from the tool's z alone: so all but joint 6 is the same, and computed once,
+    # for targets that differ in a turn of the tool about its z.
+    across = (m_y * z_z, -m_x * z_z, m_x * z_y - m_y * z_x)
     sin_5 = jnp.sqrt(dot(across, across))
+    out, up = wrist_centre[1] * m_x - wrist_centre[0] * m_y, wrist_centre[2] - d1  # from the shoulder, across m
     aligned = sin_5 < _ALIGNED
-    over_sin_5 = jnp.where(aligned, 0.0, branch.wrist / jnp.where(aligned, 1.0, sin_5))
-    out, up = wrist_centre[1] * m[0] - wrist_centre[0] * m[1], wrist_centre[2] - d1  # from the shoulder, across m
-    over_length = jnp.where(aligned, branch.wrist / jnp.sqrt(out * out + up * up + _ALIGNED**2), 0.0)
-    in_line = scale(over_length, (-m[1] * out, m[0] * out, up))
-    wrist_axis = add(scale(over_sin_5, across), in_line)  # joint 5's
+    axis = tuple(jnp.where(aligned, *each) for each in zip((-m_y * out, m_x * out, up), across, strict=True))
+    length = jnp.where(aligned, jnp.sqrt(out * out + up * up), sin_5)
+    wrist_axis = scale(branch.wrist / jnp.where(length > 0, length, 1.0), axis)  # joint 5's
     elbow_end = subtract(subtract(wrist_centre, scale(d5, wrist_axis)), scale(d4, m))
     radial = elbow_end[1] * m[0] - elbow_end[0] * m[1]  # m = (sin1, -cos1, 0)
     q2, q3, elbow_shortfall = _planar_two_link(radial, elbow_end[2] - d1, a2, a3, branch.elbow)

@@ -80,14 +80,9 @@ def solve(robot: Robot, picks: Picks, config: PickConfig, seeds: Float[Array, "s
 
 def _by_grasp(picks: Picks, solve_own: Callable[[Picks], Solutions]) -> Solutions:
     """The solutions of one grasp after the other: a grasp's arrays fit a CPU core's cache, those of all don't."""
-
-    def solve_next(own: tuple) -> Solutions:
-        solutions = solve_own(Picks(picks.base_pose, *own))
-        return solutions._replace(estimate=jnp.where(own[-1], solutions.estimate, jnp.inf))
-
     if picks.grasps == 1:  # a loop of one round still costs a third of the time
-        return solve_next(jax.tree.map(lambda x: x[0], picks[1:]))
-    solutions = jax.lax.map(solve_next, picks[1:])
+        return solve_own(Picks(picks.base_pose, *jax.tree.map(lambda x: x[0], picks[1:])))
+    solutions = jax.lax.map(lambda own: solve_own(Picks(picks.base_pose, *own)), picks[1:])
     pregrasp, estimate = solutions.pregrasp, solutions.estimate.reshape(-1, solutions.estimate.shape[-1])
     if pregrasp is not None:
         pregrasp = jnp.moveaxis(pregrasp, 0, 1).reshape(pregrasp.shape[1], *estimate.shape)
@@ -163,8 +158,9 @@ def tool_target(robot: Robot, picks: Picks, back: ArrayLike, turn: ArrayLike) ->
 
 
 def _axes(roll: Array, pitch: Array, yaw: Array) -> tuple[Vector, Vector, Vector]:
-    """The columns of Rz(yaw) Ry(pitch) Rx(roll)."""
-    (sin_r, cos_r), (sin_p, cos_p), (sin_y, cos_y) = sin_cos(roll), sin_cos(pitch), sin_cos(yaw)
+    """The columns of Rz(yaw) Ry(pitch) Rx(roll); a loop, or XLA computes every sine anew for each component."""
+    roll, pitch, yaw = jnp.broadcast_arrays(roll, pitch, yaw)
+    (sin_r, sin_p, sin_y), (cos_r, cos_p, cos_y) = jax.lax.map(sin_cos, jnp.stack([roll, pitch, yaw]))
     return (
         (cos_y * cos_p, sin_y * cos_p, -sin_p),
         (cos_y * sin_p * sin_r - sin_y * cos_r, sin_y * sin_p * sin_r + cos_y * cos_r, cos_p * sin_r),
@@ -203,15 +199,24 @@ def _angle_step(robot: Robot, config: PickConfig) -> Array:
 
 
 def _solve_closed_form(robot: Robot, picks: Picks, config: PickConfig) -> Solutions:
-    """A loop over the branches: as one expression over all of them XLA computes it once for every use of the result."""
+    """Loops over the branches, and over both ends: XLA would compute one expression anew for every use of its result.
+
+    So the joints of an end are computed once, where without the inner loop each joint's time computes them again, and
+    the program is half as long.
+    """
     (batch,) = picks.approach.shape
     turn = jnp.arange(turns(config))[:, None] * jnp.pi
-    above = tool_target(robot, picks, _back(picks, config.pregrasp_height_m, config), turn)
-    below = tool_target(robot, picks, 0.0, turn)
-    shape, allowed = (turns(config), batch), (turn == 0) | picks.symmetric
+    shape, allowed = (turns(config), batch), ((turn == 0) | picks.symmetric) & picks.there
+    by_last_joint = ur.turns_tool(robot)
+    back = (_back(picks, config.pregrasp_height_m, config), jnp.zeros_like(picks.approach))
+    above, below = (tool_target(robot, picks, each, 0.0 if by_last_joint else turn) for each in back)
+    origins = tuple(jnp.stack(ends) for ends in zip(above.origin, below.origin, strict=True))
 
     def estimate(branch: Array, aside: Array | float = 0.0) -> Array:
-        ends = [_branch(robot, target, branch, aside, config) for target in (above, below)]
+        both = jax.lax.map(lambda origin: _branch(robot, below._replace(origin=origin), branch, aside, config), origins)
+        ends = [jax.tree.map(lambda x, end=end: x[end], both) for end in range(len(back))]
+        if by_last_joint:
+            ends = [end._replace(joints=(*end.joints[:-1], end.joints[-1] - turn)) for end in ends]
         pregrasp, inside = _nearest_equivalents(robot, ends[0].joints, tuple(robot.home))
         grasp, grasp_inside = _nearest_equivalents(robot, ends[1].joints, pregrasp)
         reached = (ends[0].shortfall <= config.position_tolerance_m) & (
@@ -274,7 +279,7 @@ def _solve_round(robot: Robot, picks: Picks, config: PickConfig, joints: Float[A
     grasp, grasp_inside = _nearest_equivalents(robot, tuple(grasp), pregrasp)
     reached = _reached(robot, above, pregrasp, config) & _reached(robot, below, grasp, config)
     duration = cycle_duration(robot, pregrasp, grasp, config)
-    allowed = (turn == 0) | picks.symmetric
+    allowed = ((turn == 0) | picks.symmetric) & picks.there
     estimate = jnp.where(inside & grasp_inside & reached & allowed, duration, jnp.inf)
     return Solutions(estimate.reshape(-1, batch), jnp.stack(pregrasp).reshape(robot.dof, -1, batch))
 
