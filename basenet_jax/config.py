@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Annotated, Literal, TypeAlias
 
-from basenet_jax.settings import Count, Natural, NotNegative, Positive, Range, Settings, setting_error
+from basenet_jax.settings import Count, Natural, NotNegative, Positive, Range, Seed, Settings, setting_error
 
 MAX_OBJECTS = 50  # of a scene
 PLACES_AT_ONCE = 32  # tried for an object in one round
@@ -127,6 +127,26 @@ class PickConfig(Settings):
         heights = (self.pregrasp_height_m, *self.descent_heights_m)
         falling = all(above > below for above, below in itertools.pairwise(heights))
         self._require(falling, "descent_heights_m", f"are falling heights below pregrasp_height_m, {heights[0]:g}")
+
+
+@dataclass(frozen=True)
+class UncertaintyConfig(Settings):
+    """What goes wrong at each parking: normal errors of where the base stands and of where objects are seen."""
+
+    sd_xy_m: Annotated[float, Range(0, 0.5)] = 0.02
+    """Standard deviation of the base's position, along its own x and y each."""
+    sd_heading_rad: Annotated[float, Range(0, 0.5)] = math.pi / 180.0
+    """Of its heading."""
+    sd_object_m: Annotated[float, Range(0, 0.5)] = 0.005
+    """Of an object's position along x and y each, as it is seen from where the base stands."""
+    sd_object_rad: Annotated[float, Range(0, 0.5)] = 2.0 * math.pi / 180.0
+    """Of its yaw."""
+    draws: Annotated[int, Range(1, 4096)] = 64
+    """Of these errors, the same for every stop and object: reliability is the share in which the pick is feasible."""
+    base_clearance_m: Annotated[float, Range(0, 2)] = 0.02
+    """Between the base and boxes where it really stands; stops are planned with that of picks."""
+    seed: Seed = 0
+    """Of the draws."""
 
 
 @dataclass(frozen=True)
