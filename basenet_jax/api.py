@@ -18,7 +18,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float, PRNGKeyArray
 
-from basenet_jax.config import AlignedConfig, GridConfig, WorldConfig
+from basenet_jax.config import AlignedConfig, GridConfig, UncertaintyConfig, WorldConfig
 from basenet_jax.planners import protocol, registry
 from basenet_jax.planners.aligned_stops import aligned_poses
 from basenet_jax.planners.protocol import Planner, PlannerSetup
@@ -29,6 +29,7 @@ from basenet_jax.task import plan as judge
 from basenet_jax.task.drive_times import DriveFunction, DriveTimes, load_drive_times, tabulate_drives
 from basenet_jax.task.drives import GivenDrives
 from basenet_jax.task.plan import Outcome, Plan
+from basenet_jax.task.reliability import Chance
 from basenet_jax.world.boxes import Room, fingerprint
 from basenet_jax.world.generate import draw_scene
 from basenet_jax.world.naming import name_objects
@@ -113,6 +114,8 @@ def make_planner(
     world: WorldConfig = WorldConfig(),
     grid: GridConfig = GridConfig(),
     drive_times: DriveTable | None = None,
+    uncertainty: UncertaintyConfig | None = None,
+    reliability: float = 0.95,
     **options: Any,
 ) -> ScenePlanner:
     """A planner by its name, for as many scenes as one likes; made once for the same arguments, and kept.
@@ -125,6 +128,9 @@ def make_planner(
         grid: of base poses that the classical planners choose from, and others fall back on.
         drive_times: instead of the room's own drives; its poses are the stops, and where the robot may start. A file of
             them, or `tabulate_drives` of a function.
+        uncertainty: the errors that the robot parks with: every pick is to be possible all the same, as often as
+            `reliability` says; None: it parks without. pbg, mbp and basenet-paper can't plan for errors.
+        reliability: 0 to 1; an object that can't be picked so reliably is picked as reliably as it can be.
         options: the planner's own, such as `samples=512` of basenet-sample; `planners.options` has them all.
 
     Raises:
@@ -133,6 +139,8 @@ def make_planner(
     """
     if options.get("weights") is not None:
         options["weights"] = Path(options["weights"])
+    if not 0.0 <= reliability <= 1.0:
+        raise ValueError(f"reliability: found {reliability}, allowed are 0 to 1")
     own = registry.make_options(name, options)
     weights = options.get("weights")
     # A file that was written anew is another one.
@@ -140,7 +148,8 @@ def make_planner(
     own_room: Room = Room.from_config(world.table) if room is None else jax.device_get(room)
     in_room = _IdentifiedRoom(fingerprint(own_room), own_room)
     times = None if drive_times is None else _identified_times(_table(drive_times))
-    return _planner(name, _identified(robot), in_room, world, grid, times, own, version)
+    sure = None if uncertainty is None else (uncertainty, float(reliability))
+    return _planner(name, _identified(robot), in_room, world, grid, times, sure, own, version)
 
 
 def make_plan(
@@ -163,7 +172,8 @@ def make_plan(
         drive_times: as for `make_planner`; or a function of poses [S, 3] and poses [T, 3], (x, y, heading) in W, that
             returns seconds [S, T], infinite where there is no way. It is called once, with `drive_poses`.
         key: for planners that draw random numbers; by default `jax.random.key(0)`.
-        options: the planner's own, as for `make_planner`, such as `budget_s=2.0` of refined.
+        options: the planner's own, as for `make_planner`, such as `budget_s=2.0` of refined; `uncertainty` and
+            `reliability` too.
 
     Raises:
         ValueError: there is no such planner, it has no such option, its weights can't be used, or (`PlanningError`) it
@@ -365,12 +375,14 @@ def _planner(
     world: WorldConfig,
     grid: GridConfig,
     drive_times: "_IdentifiedTimes | None",
+    sure: tuple[UncertaintyConfig, float] | None,
     options: Settings | None,
     version: int | None,
 ) -> ScenePlanner:
     del version
     times = None if drive_times is None else drive_times.times
-    setup = PlannerSetup(robot.on_device(), jax.device_put(room.room), world, grid, times)
+    chance = None if sure is None else Chance.of(*sure)
+    setup = PlannerSetup(robot.on_device(), jax.device_put(room.room), world, grid, times, chance)
     return ScenePlanner(name, setup, options, registry.make_planner(name, setup, options))
 
 

@@ -4,10 +4,11 @@ What is given on the command line comes before what a file says, and that before
 """
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Annotated, Any, TypeVar, get_args
 
 import tyro
 
@@ -20,6 +21,7 @@ from basenet_jax.config import (
     RefinementConfig,
     SceneConfig,
     TableConfig,
+    UncertaintyConfig,
     WorldConfig,
 )
 from basenet_jax.documents.config_file import load_config, overlay, read_config
@@ -77,6 +79,47 @@ class PlannerArguments:
             "refinement": None if self.refinement == RefinementConfig() else self.refinement,
         }
         return {name: value for name, value in values.items() if value is not None}
+
+
+@dataclass(frozen=True, kw_only=True)
+class UncertaintyArguments:
+    """Options of errors that the robot parks with."""
+
+    uncertainty: Annotated[str | None, tyro.conf.arg(metavar="SD_XY,SD_HEADING")] = None
+    """The robot parks with normal errors of these standard deviations (m, degrees), such as 0.02,1: every pick is to be
+    possible all the same. Two more numbers are of where objects are seen. Default: it parks without error."""
+    reliability: float = 0.95
+    """With --uncertainty: in at least this share of the errors that are drawn; where that can't be had, as often as can
+    be."""
+    errors: UncertaintyConfig = field(default_factory=UncertaintyConfig)
+    """With --uncertainty: the errors in full; what it says itself comes first."""
+
+    def given_uncertainty(self) -> UncertaintyConfig | None:
+        """The errors, or None without `--uncertainty`.
+
+        Raises:
+            ValueError: they, or the reliability, are none.
+        """
+        if not 0.0 <= self.reliability <= 1.0:
+            raise ValueError(f"--reliability: found {self.reliability}, allowed are 0 to 1")
+        return None if self.uncertainty is None else _uncertainty(self.uncertainty, self.errors)
+
+
+def _uncertainty(text: str, base: UncertaintyConfig) -> UncertaintyConfig:
+    parts = text.split(",")
+    try:
+        numbers = [float(part) for part in parts]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in (2, 4):
+        allowed = "are 2 or 4 numbers with commas between them, m and degrees: 0.02,1 or 0.02,1,0.005,2"
+        raise ValueError(f"--uncertainty: found {text!r}, allowed {allowed}")
+    names = ("sd_xy_m", "sd_heading_rad", "sd_object_m", "sd_object_rad")
+    given = {name: math.radians(x) if name.endswith("rad") else x for name, x in zip(names, numbers, strict=False)}
+    try:
+        return dataclasses.replace(base, **given)
+    except ValueError as error:
+        raise ValueError(f"--uncertainty {text}: {error}") from None
 
 
 def parse(kind: type[T], arguments: Sequence[str], prog: str, defaults: Mapping[str, Any]) -> T:

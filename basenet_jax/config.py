@@ -199,6 +199,8 @@ class AlignedConfig(Settings):
     """From stop to stop along a side."""
     gap_m: Annotated[float, Range(0, 1, above=True)] = 2e-4
     """Beyond the base's clearance from the table, where touching counts as a collision."""
+    farther_m: tuple[NotNegative, ...] = ()
+    """Further lines of stops, by how much they are farther off than that one."""
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from basenet_jax.command_line import DrivesAndPicks, PlannerArguments, parse, world_of_file
+from basenet_jax.command_line import DrivesAndPicks, PlannerArguments, UncertaintyArguments, parse, world_of_file
 from basenet_jax.config import WorldConfig
 from basenet_jax.offscreen import RenderError, choose_backend
 
@@ -23,7 +23,7 @@ _CLUTTER = "objects beside the one that is picked aren't looked at yet, and may 
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arguments(PlannerArguments):
+class Arguments(PlannerArguments, UncertaintyArguments):
     """Plans where the robot parks and in which order it picks the objects of a scene, and prints the plan.
 
     Base poses are x, y (m) and heading (degrees) in the table frame: its origin is on the floor under the table's
@@ -51,7 +51,8 @@ class Arguments(PlannerArguments):
     picture: Path | None = None
     """Where to draw the plan: a name ending in .png, .pdf or .svg."""
     explain: bool = False
-    """Also print from how many base poses of the grid each object can be picked, and what rules out the rest."""
+    """Also print from how many base poses of the grid each object can be picked, and what rules out the rest; and how
+    sure each pick is where the robot parks with errors, those of --uncertainty or 2 cm and 1 degree."""
     export: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
     """New or empty folder for the plan as a robot's messages: base goals, arm trajectories, gripper commands."""
     export_format: tuple[Literal["yaml", "csv", "bag"], ...] = ("yaml", "csv", "bag")
@@ -121,7 +122,8 @@ def _plan(options: Arguments, world: WorldConfig) -> int:
             print(f"basenet_jax.plan: {options.scene}: {_CLUTTER}", file=sys.stderr)
         times = load_drive_times(options.drive_times) if options.drive_times else None
         made_for = {"robot": scene.robot, "room": scene.arrays.room, "world": world, "grid": options.grid}
-        made_for["drive_times"] = times
+        made_for |= {"drive_times": times, "uncertainty": options.given_uncertainty()}
+        made_for["reliability"] = options.reliability
         made = make_planner(options.planner, **made_for, **options.given_options())
     except ValueError as error:
         return _fail(2, str(error))
@@ -139,14 +141,19 @@ def _report(options: Arguments, scene: "NamedScene", setup: "PlannerSetup", time
 
     from basenet_jax import api
     from basenet_jax.commands.plan_outputs import OutputError, Wanted, write_outputs
-    from basenet_jax.commands.plan_report import failures, nearly_singular, print_explanation, print_plan
+    from basenet_jax.commands.plan_report import failures, nearly_singular, print_explanation, print_plan, unsure
     from basenet_jax.planners.explanation import count_reasons
+    from basenet_jax.task.reliability import Chance, with_reliability
 
     judged = api.execute(scene, timed.plan, world=setup.world, drive_times=setup.drive_times)
+    chance = setup.chance or (Chance.of(options.errors, options.reliability) if options.explain else None)
+    if chance is not None:
+        about = (setup.robot, scene.arrays, timed.plan, judged, chance)
+        judged = with_reliability(*about, setup.world.pick)
     plan, outcome = jax.device_get((timed.plan, judged))
     counts = count_reasons(setup, scene.arrays) if options.explain else None
     try:
-        said = write_outputs(Wanted.by(options), setup, scene, timed, outcome)
+        said = write_outputs(Wanted.by(options), setup, scene, timed, outcome, chance and chance.uncertainty)
     except OutputError as error:
         return _fail(2, str(error))
     print_plan(scene, plan, outcome)
@@ -157,6 +164,8 @@ def _report(options: Arguments, scene: "NamedScene", setup: "PlannerSetup", time
     print(*said, sep="\n", end="\n" if said else "")
     for name, value in nearly_singular(scene, plan, outcome):
         print(f"note: {name} is picked near a singular pose of the arm (least singular value {value:.2g}, m and rad)")
+    for name, share in unsure(scene, plan, outcome, setup) if setup.chance is not None else ():
+        print(f"note: {name} can be picked in {100 * share:.0f} % of parkings only: nothing surer was found")
     failed = failures(scene, plan, outcome, setup)
     if not failed:
         return 0

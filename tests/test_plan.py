@@ -3,6 +3,7 @@
 import dataclasses
 import io
 import json
+import math
 import os
 import subprocess
 import sys
@@ -13,7 +14,7 @@ import pytest
 import yaml
 
 from basenet_jax import api, offscreen, plan, plots
-from basenet_jax.config import WorldConfig
+from basenet_jax.config import UncertaintyConfig, WorldConfig
 from basenet_jax.exports import schedule
 from basenet_jax.planners import registry
 from basenet_jax.planners.protocol import PlanningError
@@ -91,6 +92,50 @@ def test_a_pick_near_a_singular_pose_is_noted(call, monkeypatch):
     with open("plan.json") as file:
         steps = json.load(file)["steps"]
     assert steps[1]["least_singular_value"] < 0.01 < 0.02 < steps[0]["least_singular_value"]
+
+
+def test_errors_reach_the_planner_and_reliabilities_the_file(call, monkeypatch):
+    setups = []
+    monkeypatch.setattr(registry, "make_planner", lambda name, setup, options: setups.append(setup) or park_once)
+    code, out, _ = call("scene.yaml", "--uncertainty", "0.05,4", "--reliability", "0.9", "--out", "plan.json")
+    assert code == 0
+    assert "sure" in out
+    [setup] = setups
+    assert int(setup.chance.allowed) == 6
+    assert setup.chance.uncertainty == UncertaintyConfig(sd_xy_m=0.05, sd_heading_rad=math.radians(4))
+    with open("plan.json") as file:
+        content = json.load(file)
+    assert content["uncertainty"]["sd_xy_m"] == 0.05
+    shares = [step["reliability"] for step in content["steps"]]
+    assert all(0 < share < 0.9 for share in shares)  # it parks within a few mm of what is allowed
+    notes = [line for line in out.splitlines() if line.endswith("parkings only: nothing surer was found")]
+    assert notes[0] == f"note: mug_1 can be picked in {100 * shares[0]:.0f} % of parkings only: nothing surer was found"
+    assert len(notes) == 2
+    setups.clear()
+    call("scene.yaml")
+    assert setups[0].chance is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--uncertainty", "0.05"), "--uncertainty: found '0.05', allowed are 2 or 4 numbers with commas"),
+        (("--uncertainty", "2cm,1"), "--uncertainty: found '2cm,1', allowed are 2 or 4 numbers with commas"),
+        (("--uncertainty", "2,1"), "UncertaintyConfig.sd_xy_m: found 2.0, allowed are numbers, 0 to 0.5"),
+        (("--uncertainty", "0.02,1", "--reliability", "95"), "--reliability: found 95.0, allowed are 0 to 1"),
+    ],
+)
+def test_errors_that_are_none_are_refused(call, arguments, said):
+    code, _, err = call("scene.yaml", *arguments)
+    assert code == 2
+    assert said in err
+
+
+def test_a_planner_that_knows_no_picks_cant_plan_for_errors(call, monkeypatch):
+    monkeypatch.setattr(registry, "make_planner", MAKE_PLANNER)
+    code, _, err = call("scene.yaml", "--planner", "pbg", "--uncertainty", "0.02,1")
+    assert code == 2
+    assert "planner: found 'pbg', which can't plan for errors, allowed with these are pbg-gc" in err
 
 
 def test_a_changed_world_is_in_the_plan_file(call):

@@ -14,6 +14,7 @@ import numpy as np
 from basenet_jax import api
 from basenet_jax.atomic import write_atomically
 from basenet_jax.commands.output_files import check_different, check_output_file
+from basenet_jax.config import UncertaintyConfig
 from basenet_jax.exports import check_export
 from basenet_jax.progress import make_reporter
 from basenet_jax.task.motion import plan_motion
@@ -83,7 +84,12 @@ def check_outputs(options: Wanted) -> None:
 
 
 def write_outputs(
-    options: Wanted, setup: "PlannerSetup", scene: "NamedScene", timed: "TimedPlan", outcome: "Outcome"
+    options: Wanted,
+    setup: "PlannerSetup",
+    scene: "NamedScene",
+    timed: "TimedPlan",
+    outcome: "Outcome",
+    uncertainty: UncertaintyConfig | None = None,
 ) -> list[str]:
     """Makes all that is asked for, then writes it.
 
@@ -93,6 +99,7 @@ def write_outputs(
         scene: what was planned.
         timed: its plan.
         outcome: of executing it.
+        uncertainty: that its reliabilities are of, where it has some.
 
     Returns:
         Lines to print.
@@ -116,6 +123,8 @@ def write_outputs(
                 compile_time_s=timed.compile_time_s,
                 world=setup.world,
                 drive_times=setup.drive_times.source if setup.drive_times else None,
+                uncertainty=uncertainty,
+                least_reliability=None if setup.chance is None else round(float(setup.chance.level), 6),
             )
         if video:
             said += overlap_notes(scene, timed.plan, _overlaps(setup, scene, timed, outcome))

@@ -22,6 +22,7 @@ def print_plan(scene: NamedScene, plan: Plan, outcome: Outcome) -> None:
     """Prints the steps of one plan in order, and their totals, on stdout."""
     steps = np.flatnonzero(np.asarray(outcome.is_step))
     heads = ["#", "object", "x (m)", "y (m)", "heading\n(deg)", "N (s)", "G (s)"]
+    heads += [] if outcome.reliability is None else ["sure\n(%)"]
     heads += ["not grasped"] if int(outcome.grasped) < len(steps) else []
     table = RichTable(box=SIMPLE_HEAD)
     for head in heads:
@@ -32,7 +33,8 @@ def print_plan(scene: NamedScene, plan: Plan, outcome: Outcome) -> None:
         times = (f"{float(outcome.navigation_time[step]):.1f}", f"{float(outcome.pick_time[step]):.1f}")
         # As `Text`, since a name may look like rich's markup.
         name = Text(scene.names[int(plan.object_index[step])])
-        cells = (str(number), name, *pose, *times, reason_name(outcome.reason[step]) or "")
+        sure = () if outcome.reliability is None else (f"{100 * float(outcome.reliability[step]):.0f}",)
+        cells = (str(number), name, *pose, *times, *sure, reason_name(outcome.reason[step]) or "")
         table.add_row(*cells[: len(heads)])
     Console().print(table)
     navigation, picking, execution = (float(x) for x in (outcome.navigation, outcome.picking, outcome.execution))
@@ -51,6 +53,22 @@ def nearly_singular(scene: NamedScene, plan: Plan, outcome: Outcome) -> list[tup
     least = np.asarray(outcome.least_singular_value)
     steps = np.flatnonzero(np.asarray(outcome.feasible) & (least < _NEARLY_SINGULAR))
     return [(scene.names[int(plan.object_index[step])], float(least[step])) for step in steps]
+
+
+def unsure(scene: NamedScene, plan: Plan, outcome: Outcome, setup: PlannerSetup) -> list[tuple[str, float]]:
+    """Names and reliabilities of the picks that are less reliable than the planner was asked for, in the plan's order.
+
+    Args:
+        scene: that was planned.
+        plan: of the scene.
+        outcome: of executing it, with reliabilities.
+        setup: of a planner that was asked for some.
+    """
+    assert setup.chance is not None
+    assert outcome.reliability is not None
+    misses = np.asarray(outcome.feasible) & ~np.asarray(setup.chance.holds(outcome.reliability))
+    steps = np.flatnonzero(misses)
+    return [(scene.names[int(plan.object_index[step])], float(outcome.reliability[step])) for step in steps]
 
 
 def failures(scene: NamedScene, plan: Plan, outcome: Outcome, setup: PlannerSetup) -> list[tuple[str, str]]:

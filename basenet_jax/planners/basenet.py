@@ -21,6 +21,7 @@ from basenet_jax.compilation import Stored
 from basenet_jax.config import PickConfig, WorldConfig
 from basenet_jax.devices import Devices, use_devices
 from basenet_jax.planners.candidates import Candidates, check_candidates, estimate_times, join, only_reachable
+from basenet_jax.planners.chance import likely_times, reliable
 from basenet_jax.planners.optimistic import TOLERANCE_S, Settled, settle, stop_scene
 from basenet_jax.planners.options import SampleOptions, StopsOptions
 from basenet_jax.planners.protocol import PlannerSetup, in_parts, no_plan
@@ -31,6 +32,7 @@ from basenet_jax.robot.model import Robot
 from basenet_jax.task.picking import Reason
 from basenet_jax.task.plan import Outcome, Plan, compiled_execute
 from basenet_jax.task.prepared_world import PreparedWorld, compiled_first_drives, prepare_world
+from basenet_jax.task.reliability import Chance, actual_picks, compiled_plan_reliability
 from basenet_jax.task.stop_problem import BATCH_AXES as PROBLEM_AXES
 from basenet_jax.task.stop_problem import StopProblem, make_problem
 from basenet_jax.world.boxes import Room
@@ -72,7 +74,7 @@ class BaSeNet:
         self._setup, self._devices = setup, use_devices(options.devices or jax.local_device_count())
         if params is None:
             policy, params = load_stops(options.weights, setup.robot.name)
-        self._made_for = _MadeFor(setup.robot, setup.room, params)
+        self._made_for = _MadeFor(setup.robot, setup.room, params, setup.chance)
         samples = options.samples if isinstance(options, SampleOptions) else 0
         self._program = _Program(policy or StopPolicy(), samples, setup.world)
         self._prepared = setup.aligned_stops(options.aligned)
@@ -88,7 +90,8 @@ class BaSeNet:
         What `settle` does for a batch in one program is done here by small ones, which compile side by side and are
         shared with whoever judges plans.
         """
-        problem = _estimate(self._made_for.robot, self._prepared, scene, config=self._program.world.pick)
+        made_for = self._made_for
+        problem = _estimate(made_for.robot, self._prepared, scene, made_for.chance, config=self._program.world.pick)
         proposal = self._settle(scene, problem, _play_greedily)
         if self._program.samples and bool(proposal.complete):
             problem = dataclasses.replace(problem, pick_time=proposal.pick_time)
@@ -107,8 +110,12 @@ class BaSeNet:
         tasks = [
             partial(compiled_execute.prepare, *judged, config=program.world),
             partial(_play_greedily.prepare, made_for.params, scene, problem, known, program=program),
-            partial(_estimate.prepare, made_for.robot, prepared, scene, config=program.world.pick),
+            partial(_estimate.prepare, made_for.robot, prepared, scene, made_for.chance, config=program.world.pick),
         ]
+        if made_for.chance is not None:
+            errors, actual = made_for.chance.errors, actual_picks(program.world.pick, made_for.chance.uncertainty)
+            sure = (made_for.robot, scene, no_plan(scene), errors)
+            tasks.append(partial(compiled_plan_reliability.prepare, *sure, config=actual))
         if program.samples:
             visited = np.zeros((program.samples + 1, slots), np.int32)
             shown = (made_for.params, scene, problem)
@@ -126,10 +133,20 @@ class BaSeNet:
             outcome = compiled_execute(
                 self._made_for.robot, scene, proposal.plan, self._setup.docked, config=self._program.world
             )
+            outcome = self._only_reliable(scene, proposal.plan, outcome)
             complete, known, holds = jax.device_get(_compare(proposal, outcome))
             if holds or not complete:
                 return proposal
             problem = dataclasses.replace(problem, pick_time=proposal.pick_time)
+
+    def _only_reliable(self, scene: Scene, plan: Plan, outcome: Outcome) -> Outcome:
+        """The outcome as if picks that aren't reliable enough weren't feasible."""
+        chance = self._made_for.chance
+        if chance is None:
+            return outcome
+        actual = actual_picks(self._program.world.pick, chance.uncertainty)
+        sure = chance.holds(compiled_plan_reliability(self._made_for.robot, scene, plan, chance.errors, config=actual))
+        return dataclasses.replace(outcome, feasible=outcome.feasible & sure)
 
     def plan_batch(self, scenes: Scene, key: Array) -> Plan:
         """Plans a batch of scenes in one program; see `BatchPlanner`."""
@@ -166,6 +183,8 @@ class BaSeNet:
             candidates, prepared = both, self._prepare(both.base_pose)
         else:
             candidates, prepared = dataclasses.replace(aligned, reason=both.reason), self._prepared
+        if setup.chance is not None:
+            candidates = reliable(setup.robot, scene, candidates, setup.chance, world=setup.world)
         problem = _problem_of(setup.robot, prepared, scene, candidates)
         nothing = _nothing_known(problem)
         if self._program.samples:
@@ -183,6 +202,7 @@ class _MadeFor(NamedTuple):
     robot: Robot
     room: Room
     params: Any  # of the policy
+    chance: Chance | None  # how sure picks are to be
 
 
 class _Known(NamedTuple):
@@ -213,10 +233,14 @@ class _Program:
 
 
 @partial(Stored, static=("config",))
-def _estimate(robot: Robot, prepared: PreparedWorld, scene: Scene, *, config: PickConfig) -> StopProblem:
+def _estimate(
+    robot: Robot, prepared: PreparedWorld, scene: Scene, chance: Chance | None, *, config: PickConfig
+) -> StopProblem:
     """The problem with estimated pick times."""
     times = estimate_times(robot, prepared.poses, scene.grasps, scene.mask, config, pairs_at_once=_PAIRS)
     first_drive = prepared.first_drives(robot, scene.robot_start[None])[0]
+    if chance is not None:
+        times = likely_times(robot, scene, prepared.poses, times, first_drive, chance, config)
     return make_problem(prepared.poses, prepared.drive, times, first_drive, scene.mask)
 
 
@@ -284,16 +308,21 @@ def _plan_many(
     program: _Program, made_for: _MadeFor, scenes: Scene, prepared: PreparedWorld, keys: Array
 ) -> tuple[Plan, Bool[Array, " B"]]:
     """Plans by estimated pick times, and whether each serves every object."""
-    robot, room, params = made_for
+    robot, room, params, chance = made_for
     at_once = min(len(scenes.mask), _PAIRS_AT_ONCE // _PAIRS) * _PAIRS
     times = estimate_times(robot, prepared.poses, scenes.grasps, scenes.mask, program.world.pick, pairs_at_once=at_once)
     first_drive = prepared.first_drives(robot, scenes.robot_start)
+    if chance is not None:
+        times = jax.lax.map(
+            lambda own: likely_times(robot, own[0], prepared.poses, own[1], own[2], chance, program.world.pick),
+            (scenes, times, first_drive),
+        )
 
     def play_greedily(own: StopScene) -> StopPlan:
         return plans_of(own.problem, play(program.policy, params, own, choose_best))
 
     def settled(scenes: Scene, first_drive: Array, times: Array, choose: Any, at_once: int) -> Settled:
-        return settle(robot, room, prepared, scenes, first_drive, times, choose, program.world, at_once=at_once)
+        return settle(robot, room, prepared, scenes, first_drive, times, choose, program.world, chance, at_once=at_once)
 
     greedy = settled(scenes, first_drive, times, play_greedily, _SCENES_AT_ONCE)
 

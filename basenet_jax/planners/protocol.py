@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float, Int
 
 from basenet_jax.config import AlignedConfig, GridConfig, WorldConfig
 from basenet_jax.devices import Devices
+from basenet_jax.planners.aligned_stops import sure_lines
 from basenet_jax.planners.candidates import grid_poses
 from basenet_jax.planners.prepared_stops import prepared_stops
 from basenet_jax.robot.model import Robot
@@ -22,6 +23,7 @@ from basenet_jax.task.drive_times import DriveTimes
 from basenet_jax.task.drives import Drives, GivenDrives, PointDrives, make_drives
 from basenet_jax.task.plan import Plan
 from basenet_jax.task.prepared_world import PreparedWorld, prepare_world
+from basenet_jax.task.reliability import Chance
 from basenet_jax.world.boxes import Room
 from basenet_jax.world.clearance import compiled_base_collides
 from basenet_jax.world.scene import Scene
@@ -130,6 +132,7 @@ class PlannerSetup:
     world: WorldConfig = field(default_factory=WorldConfig)
     grid: GridConfig = field(default_factory=GridConfig)
     drive_times: DriveTimes | None = None  # instead of the room's own drives, whose poses are then the stops
+    chance: Chance | None = None  # how sure every pick is to be where the base parks with errors; None: as if it didn't
 
     @cached_property
     def grid_poses(self) -> Float[np.ndarray, "K 3"]:
@@ -151,9 +154,13 @@ class PlannerSetup:
     def aligned_stops(self, aligned: AlignedConfig = AlignedConfig()) -> PreparedWorld:
         """The stops in line with the surfaces, or those that there are drive times for; with the drives between them.
 
+        Where the base parks with errors, the lines are as far off as these need.
+
         Raises:
             PlanningError: the base can't stand at any of the poses that there are drive times for.
         """
+        if self.chance is not None:
+            aligned = sure_lines(self.robot, self.chance, aligned, self.world.pick)
         if self.drive_times is None:
             return prepared_stops(self.robot, self.room, aligned, self.world.pick, self.world.navigation)
         pick, poses = self.world.pick, self.drive_times.poses.astype(np.float32)

@@ -27,6 +27,7 @@ from basenet_jax.compilation import cache_folder
 from basenet_jax.config import GridConfig, PickConfig
 from basenet_jax.geometry import relative
 from basenet_jax.planners.candidates import Candidates, check_candidates, join, only_reachable
+from basenet_jax.planners.chance import reliable
 from basenet_jax.planners.protocol import PlannerSetup
 from basenet_jax.robot.ik import damped_least_squares, residual
 from basenet_jax.robot.kinematics import reach_sphere
@@ -353,9 +354,10 @@ class CandidateSource:
         candidates = self._of(scene, self._first)
         everything = self._setup.docked is None or bool(jnp.all(jnp.any(candidates.serves, axis=0) | ~scene.mask))
         if everything:
-            return candidates, self._first
+            return self._reliable(scene, candidates), self._first
         grid = self._setup.grid_stops
-        return join(candidates, self._of(scene, grid)), join_worlds(self._first, grid)
+        both = join(candidates, self._of(scene, grid))
+        return self._reliable(scene, both), join_worlds(self._first, grid)
 
     @property
     def poses(self) -> Float[Array, "K 3"]:
@@ -371,6 +373,12 @@ class CandidateSource:
         if setup.docked is not None:
             tasks.append(partial(compiled_first_drives.prepare, setup.robot, self._first, scene.robot_start))
         return tasks
+
+    def _reliable(self, scene: Scene, candidates: Candidates) -> Candidates:
+        setup = self._setup
+        if setup.chance is None:
+            return candidates
+        return reliable(setup.robot, scene, candidates, setup.chance, world=setup.world)
 
     def _of(self, scene: Scene, stops: PreparedWorld) -> Candidates:
         setup, poses = self._setup, stops.poses

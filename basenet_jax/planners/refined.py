@@ -15,6 +15,7 @@ from basenet_jax.compilation import Stored
 from basenet_jax.config import RefinementConfig, WorldConfig
 from basenet_jax.planners.candidates import PAIRS_AT_ONCE as GRID_PAIRS_AT_ONCE
 from basenet_jax.planners.candidates import Candidates, check_candidates, join, only_reachable
+from basenet_jax.planners.chance import reliable, shortfall
 from basenet_jax.planners.options import RefinedOptions
 from basenet_jax.planners.protocol import PlannerSetup, no_plan
 from basenet_jax.planners.refinement import alternatives, reassign, refine
@@ -25,6 +26,7 @@ from basenet_jax.robot.model import Robot
 from basenet_jax.task.drives import Drives
 from basenet_jax.task.plan import Plan, compiled_execute
 from basenet_jax.task.prepared_world import PreparedWorld, compiled_first_drives, prepare_world
+from basenet_jax.task.reliability import Chance
 from basenet_jax.world.scene import Scene
 
 EXACT_OBJECTS = 11  # more are searched: exact planning takes 30 ms here and doubles with every further object
@@ -67,10 +69,9 @@ class Refined:
         robot, world, key = self._setup.robot, self._setup.world, jax.random.key(0)
         plan, poses = no_plan(scene), self._stops.poses
         route: Any = Route(plan.base_pose, plan.object_index)
+        how = {"config": self._refinement, "world": world}
         return [
-            partial(
-                _refine.prepare, robot, scene, route, key, self._setup.drives, config=self._refinement, world=world
-            ),
+            partial(_refine.prepare, robot, scene, route, key, self._setup.drives, self._setup.chance, **how),
             partial(check_candidates.prepare, robot, scene, poses, world=world, pairs_at_once=PAIRS_AT_ONCE),
             partial(compiled_execute.prepare, robot, scene, plan, self._setup.docked, config=world),
         ]
@@ -82,7 +83,7 @@ class Refined:
             # What the aligned stops can't serve, some pose of the grid may.
             aligned = join(aligned, self._check(scene, self._setup.grid_stops, GRID_PAIRS_AT_ONCE))
             between = None
-        best, value, pool = None, (-1, 0.0), aligned
+        best, value, pool = None, (-1, 0.0, 0.0), aligned
         for attempt in itertools.count():
             search_key, refine_key, pool_key = jax.random.split(jax.random.fold_in(key, attempt), 3)
             start = self._propose(scene, pool, search_key, between)
@@ -111,9 +112,12 @@ class Refined:
     def _check(self, scene: Scene, stops: PreparedWorld, at_once: int = PAIRS_AT_ONCE) -> Candidates:
         setup = self._setup
         candidates = check_candidates(setup.robot, scene, stops.poses, world=setup.world, pairs_at_once=at_once)
-        if setup.docked is None:
+        if setup.docked is not None:
+            first_drive = compiled_first_drives(setup.robot, stops, scene.robot_start)
+            candidates = only_reachable(candidates, first_drive)
+        if setup.chance is None:
             return candidates
-        return only_reachable(candidates, compiled_first_drives(setup.robot, stops, scene.robot_start))
+        return reliable(setup.robot, scene, candidates, setup.chance, world=setup.world, fine=False)
 
     def improve(self, scene: Scene, plan: Plan, key: Array) -> Plan:
         """A plan with its stops moved and every object given to its best one, if that is no worse; but for rounding.
@@ -128,18 +132,21 @@ class Refined:
         if not np.any(plan.served):
             return plan
         setup, config = self._setup, self._refinement
-        routes = _refine(setup.robot, scene, as_route(plan), key, setup.drives, config=config, world=setup.world)
+        begin = (setup.robot, scene, as_route(plan), key, setup.drives, setup.chance)
+        routes = _refine(*begin, config=config, world=setup.world)
         moved, given = (as_plan(scene, route, reason_by_slot(plan)) for route in routes)
         before, after = (np.asarray(route.stop_of) for route in routes)
         leaves_idle = len(np.setdiff1d(before, after)) > 0
         return max(given, moved, key=lambda each: self._worth(scene, each)) if leaves_idle else given
 
-    def _worth(self, scene: Scene, plan: Plan) -> tuple[int, float]:
-        """What a plan is worth to the judge: objects grasped, then time saved."""
-        outcome = jax.device_get(
-            compiled_execute(self._setup.robot, scene, plan, self._setup.docked, config=self._setup.world)
-        )
-        return int(outcome.grasped), -float(outcome.execution)
+    def _worth(self, scene: Scene, plan: Plan) -> tuple[int, float, float]:
+        """What a plan is worth to the judge: objects grasped, then by how much picks miss reliability, then time."""
+        setup = self._setup
+        outcome = jax.device_get(compiled_execute(setup.robot, scene, plan, setup.docked, config=setup.world))
+        missing = 0.0
+        if setup.chance is not None:
+            missing = shortfall(setup.robot, scene, plan, outcome, setup.chance, setup.world.pick)
+        return int(outcome.grasped), -missing, -float(outcome.execution)
 
 
 @partial(Stored, static=("config", "world"))
@@ -149,10 +156,11 @@ def _refine(
     route: Route,
     key: Array,
     drives: Drives,
+    chance: Chance | None,
     *,
     config: RefinementConfig,
     world: WorldConfig,
 ) -> tuple[Route, Route]:
     """The route with its stops moved, and that one with every object given to its best stop."""
-    route, _ = refine(robot, scene, route, key, drives, config.rounds, config, world)
-    return route, reassign(robot, scene, route, world)
+    route, _ = refine(robot, scene, route, key, drives, config.rounds, config, world, chance)
+    return route, reassign(robot, scene, route, world, chance)

@@ -15,10 +15,12 @@ from jax import Array
 from jaxtyping import Float, Int, PRNGKeyArray
 
 from basenet_jax.config import RefinementConfig, WorldConfig
+from basenet_jax.planners.chance import likely_pairs, seem_sure
 from basenet_jax.planners.route import Route
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.drives import Drives, Roads
 from basenet_jax.task.picking import pick
+from basenet_jax.task.reliability import Chance
 from basenet_jax.trigonometry import sin_cos, wrap_angle
 from basenet_jax.world.scene import Scene
 
@@ -32,6 +34,7 @@ def refine(
     rounds: Int[Array, ""] | int,
     config: RefinementConfig = RefinementConfig(),
     world: WorldConfig = WorldConfig(),
+    chance: Chance | None = None,
 ) -> tuple[Route, Float[Array, ""]]:
     """Moves the stops of a feasible route so that driving and picking take less time.
 
@@ -44,6 +47,7 @@ def refine(
         rounds: how many; the alternatives are drawn ever closer, from `config.first_scale` to `config.last_scale`.
         config: number and spread of the alternatives.
         world: of drives and picks.
+        chance: how sure picks are to be at stops that are moved, as far as a glance tells; None: without error.
 
     Returns:
         The route, and its N + G (s).
@@ -58,7 +62,7 @@ def refine(
         progress = index / jnp.maximum(rounds - 1, 1)
         scale = config.first_scale * (config.last_scale / config.first_scale) ** progress
         options = alternatives(stops, jax.random.fold_in(key, index), scale, config)
-        picking = _picking_time(robot, scene, options, route.stop_of, world)
+        picking = _picking_time(robot, scene, options, route.stop_of, world, chance)
         first, between = _drive_times(robot, scene, options, drives, roads)
         between = jnp.where(used[1:, None, None], between, 0.0)
         choice, cost = cheapest_path(first, between, picking)
@@ -69,11 +73,16 @@ def refine(
     return Route(stops, route.stop_of), cost
 
 
-def reassign(robot: Robot, scene: Scene, route: Route, world: WorldConfig = WorldConfig()) -> Route:
-    """Gives every object of a route to the stop, among all of its used ones, where picking it is fastest."""
+def reassign(
+    robot: Robot, scene: Scene, route: Route, world: WorldConfig = WorldConfig(), chance: Chance | None = None
+) -> Route:
+    """Gives every object of a route to the stop, among all of its used ones that serve it, where picking is fastest."""
     used = jnp.arange(len(route.stops)) <= jnp.max(route.stop_of)
     picks = pick(robot, route.stops, scene.grasps[:, None], scene.room, world.pick)
-    time = jnp.where(picks.feasible & used, picks.time, jnp.inf)
+    serves = picks.feasible & used
+    if chance is not None:
+        serves = likely_pairs(robot, scene, route.stops, serves.T, chance, world.pick).T
+    time = jnp.where(serves, picks.time, jnp.inf)
     fastest = jnp.where(jnp.isfinite(jnp.min(time, axis=1)), jnp.argmin(time, axis=1), route.stop_of)
     return Route(route.stops, jnp.where(route.stop_of >= 0, fastest, -1))
 
@@ -106,11 +115,20 @@ def _spread(normal: Float[Array, "L C"]) -> Float[Array, "L C"]:
 
 
 def _picking_time(
-    robot: Robot, scene: Scene, options: Float[Array, "L C 3"], stop_of: Int[Array, " M"], world: WorldConfig
+    robot: Robot,
+    scene: Scene,
+    options: Float[Array, "L C 3"],
+    stop_of: Int[Array, " M"],
+    world: WorldConfig,
+    chance: Chance | None,
 ) -> Float[Array, "L C"]:
-    """Time (s) of all picks at each alternative; infinite where one of them is not feasible."""
+    """Time (s) of all picks at each alternative; infinite where one of them is not feasible, or not sure enough."""
     picks = pick(robot, options[stop_of], scene.grasps[:, None], scene.room, world.pick)
-    time = jnp.where(picks.feasible, picks.time, jnp.inf)
+    possible = picks.feasible
+    if chance is not None:
+        stays = jnp.arange(options.shape[1]) == 0
+        possible &= stays | seem_sure(robot, scene, options[stop_of], chance, world.pick)
+    time = jnp.where(possible, picks.time, jnp.inf)
     return jnp.zeros(options.shape[:2]).at[stop_of].add(jnp.where(stop_of[:, None] >= 0, time, 0.0))
 
 

@@ -24,6 +24,7 @@ class PlannerKind:
 
     make: Callable[..., "Planner"]  # of a `PlannerSetup`, and of the options where there are some
     options: type[Settings] | None = None
+    robust: bool = True  # whether it can choose among reliable picks alone
 
     @property
     def option_names(self) -> tuple[str, ...]:
@@ -60,14 +61,14 @@ def _later(module: str, name: str, **fixed: Any) -> Callable[..., "Planner"]:
 
 
 PLANNERS: dict[str, PlannerKind] = {
-    "pbg": PlannerKind(_later("pbg", "Pbg", checked=False)),
+    "pbg": PlannerKind(_later("pbg", "Pbg", checked=False), robust=False),
     "pbg-gc": PlannerKind(_later("pbg", "Pbg", checked=True)),
-    "mbp": PlannerKind(_later("mbp", "Mbp", checked=False)),
+    "mbp": PlannerKind(_later("mbp", "Mbp", checked=False), robust=False),
     "mbp-gc": PlannerKind(_later("mbp", "Mbp", checked=True)),
     "dp": PlannerKind(_later("dp", "Dp")),
     "greedy-stops": PlannerKind(_later("greedy_stops", "GreedyStops"), GreedyStopsOptions),
     "refined": PlannerKind(_later("refined", "Refined"), RefinedOptions),
-    "basenet-paper": PlannerKind(_later("basenet_paper", "BaSeNetPaper"), LearnedOptions),
+    "basenet-paper": PlannerKind(_later("basenet_paper", "BaSeNetPaper"), LearnedOptions, robust=False),
     "basenet": PlannerKind(_later("basenet", "BaSeNet"), StopsOptions),
     "basenet-sample": PlannerKind(_later("basenet", "BaSeNet"), SampleOptions),
 }
@@ -124,4 +125,8 @@ def make_planner(name: str, setup: "PlannerSetup", options: Settings | None = No
     Raises:
         ValueError: there is none of that name, or see `PlannerKind.make_planner`.
     """
-    return find_planner(name).make_planner(setup, options)
+    kind = find_planner(name)
+    if setup.chance is not None and not kind.robust:
+        allowed = ", ".join(name for name, each in PLANNERS.items() if each.robust)
+        raise ValueError(f"planner: found {name!r}, which can't plan for errors, allowed with these are {allowed}")
+    return kind.make_planner(setup, options)

@@ -46,6 +46,7 @@ class Outcome:
     joints: Float[Array, "*batch M waypoints dof"]  # rad
     grasp: Int[Array, "*batch M"]  # which of the object's grasps; -1: none
     least_singular_value: Float[Array, "*batch M"] | None = None  # see `with_singular_values`; None: not computed
+    reliability: Float[Array, "*batch M"] | None = None  # see `reliability.with_reliability`; None: not computed
 
     @property
     def grasped(self) -> Int[Array, "*batch"]:

@@ -10,6 +10,8 @@ FORMAT = "basenet-plan/1"
 
 _Duration = Annotated[float, Meta(ge=0, le=1e9)]
 _Count = Annotated[int, Meta(ge=0, le=MAX_OBJECTS)]
+_Share = Annotated[float, Meta(ge=0, le=1)]
+_Spread = Annotated[float, Meta(ge=0, le=1e9)]
 _Coordinate = Annotated[float, Meta(ge=-1000, le=1000)]
 
 
@@ -43,6 +45,7 @@ class StepFields(Struct, forbid_unknown_fields=True):
     grasp_index: Annotated[int, Meta(ge=0)] | UnsetType = UNSET  # of a room's object: which of its grasps, as written
     manoeuvre: list[LegFields] | UnsetType = UNSET  # of a docked drive from the pose before
     staging_pose: tuple[_Coordinate, _Coordinate, _Coordinate] | UnsetType = UNSET  # whence it goes straight to the end
+    reliability: _Share | UnsetType = UNSET  # of the draws of errors, those in which the pick is feasible
 
 
 class TotalsFields(Struct, forbid_unknown_fields=True):
@@ -62,6 +65,19 @@ class WorldFields(Struct, forbid_unknown_fields=True, omit_defaults=True):
     pick: dict[str, Any] = field(default_factory=dict)
 
 
+class UncertaintyFields(Struct, forbid_unknown_fields=True):
+    """The errors that reliabilities are of, and what was asked for."""
+
+    sd_xy_m: _Spread
+    sd_heading_rad: _Spread
+    sd_object_m: _Spread
+    sd_object_rad: _Spread
+    draws: Annotated[int, Meta(ge=1)]
+    base_clearance_m: _Spread
+    seed: Annotated[int, Meta(ge=0)]
+    least_reliability: _Share | None  # that the planner kept to where it could; null: it looked at no errors
+
+
 class PlanFields(Struct, forbid_unknown_fields=True, kw_only=True):
     """The whole file."""
 
@@ -70,12 +86,14 @@ class PlanFields(Struct, forbid_unknown_fields=True, kw_only=True):
     robot: str
     world: WorldFields | UnsetType = UNSET  # not there: the default one
     drive_times: str | UnsetType = UNSET  # where the drive times are from, if they aren't the world's own
+    uncertainty: UncertaintyFields | UnsetType = UNSET  # not there: no reliability was computed
     planning_time_s: _Duration
     compile_time_s: _Duration
     steps: Annotated[list[StepFields], Meta(max_length=MAX_OBJECTS)]
     totals: TotalsFields
 
 
+_SPREADS = ("sd_xy_m", "sd_heading_rad", "sd_object_m", "sd_object_rad", "base_clearance_m")
 _SECONDS = "is a number from 0 on (s)"
 
 # By path, for messages.
@@ -85,6 +103,11 @@ ALLOWED = {
     "robot": "is a robot's name",
     "world": "is a mapping of the settings that differ, navigation and pick, or no such key",
     "drive_times": "is a text, or no such key",
+    "uncertainty": "is a mapping of the errors that reliabilities are of, or no such key",
+    **{f"uncertainty.{name}": "is a number from 0 on" for name in _SPREADS},
+    "uncertainty.draws": "is a whole number from 1 on",
+    "uncertainty.seed": "is a whole number from 0 on",
+    "uncertainty.least_reliability": "is a number from 0 to 1, or null",
     "world.navigation": "is a mapping of settings",
     "world.pick": "is a mapping of settings",
     "planning_time_s": _SECONDS,
@@ -103,6 +126,7 @@ ALLOWED = {
     "steps[].grasp_index": "is a whole number from 0 on, or no such key",
     "steps[].staging_pose": "is [x, y, heading], three numbers (m, m, rad), or no such key",
     "steps[].staging_pose[]": "is a number from -1000 to 1000 (m or rad)",
+    "steps[].reliability": "is a number from 0 to 1, or no such key",
     "steps[].manoeuvre": "is a list of legs, or no such key",
     "steps[].manoeuvre[]": "is a mapping of time_s and turn or straight",
     "steps[].manoeuvre[].time_s": _SECONDS,

@@ -1,5 +1,6 @@
 """Plan files, `basenet-plan/1`: what a robot, or a person, needs of a plan."""
 
+import dataclasses
 import os
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 from msgspec import UNSET, UnsetType, to_builtins
 
 from basenet_jax.atomic import write_atomically
-from basenet_jax.config import WorldConfig
+from basenet_jax.config import UncertaintyConfig, WorldConfig
 from basenet_jax.documents.config_file import ConfigFileError, differences, overlay
 from basenet_jax.documents.fields import DocumentError, convert, describe, field_error, shortest
 from basenet_jax.documents.text_files import read_json, to_json
@@ -26,6 +27,7 @@ from basenet_jax.task.plan_fields import (
     PlanFields,
     StepFields,
     TotalsFields,
+    UncertaintyFields,
     WorldFields,
 )
 from basenet_jax.world.scene import NamedScene
@@ -48,6 +50,8 @@ def save_plan(
     compile_time_s: float,
     world: WorldConfig = WorldConfig(),
     drive_times: str | None = None,
+    uncertainty: UncertaintyConfig | None = None,
+    least_reliability: float | None = None,
 ) -> None:
     """Writes a plan file, whole or not at all. Its decimals give back the same float32 values.
 
@@ -61,6 +65,8 @@ def save_plan(
         compile_time_s: what compiling took (s).
         world: that it was planned and executed in; what differs from the default drives and picks is written.
         drive_times: where the outcome's are from (`DriveTimes.source`), if not from the world's own drives.
+        uncertainty: that the outcome's reliabilities are of, where it has some.
+        least_reliability: what was asked of the planner; None: it looked at no errors.
 
     Raises:
         OSError: the file can't be written.
@@ -81,6 +87,7 @@ def save_plan(
         robot=robot_name(scene.robot),
         world=WorldFields(**changes) if (changes := _changes(world, WorldConfig())) else UNSET,
         drive_times=drive_times or UNSET,
+        uncertainty=UNSET if uncertainty is None else _uncertainty(uncertainty, least_reliability),
         planning_time_s=shortest(planning_time_s),
         compile_time_s=shortest(compile_time_s),
         steps=steps,
@@ -162,6 +169,10 @@ def _leg(leg: Leg) -> LegFields:
     return LegFields(**given, time_s=leg.time_s)
 
 
+def _uncertainty(uncertainty: UncertaintyConfig, least: float | None) -> UncertaintyFields:
+    return UncertaintyFields(**dataclasses.asdict(uncertainty), least_reliability=least)
+
+
 def _step(scene: NamedScene, plan: Plan, outcome: Outcome, step: int, drives: dict[int, Manoeuvre]) -> StepFields:
     drive = drives.get(step, Manoeuvre(()))
     feasible, joints, least = bool(outcome.feasible[step]), outcome.joints[step], outcome.least_singular_value
@@ -176,6 +187,7 @@ def _step(scene: NamedScene, plan: Plan, outcome: Outcome, step: int, drives: di
         least_singular_value=shortest(least[step]) if feasible and least is not None else None,
         grasp_index=UNSET if not feasible or scene.kept_grasps is None else _grasp_index(scene, plan, outcome, step),
         manoeuvre=[_leg(leg) for leg in drive.legs] if drive.legs else UNSET,
+        reliability=UNSET if outcome.reliability is None else shortest(outcome.reliability[step]),
         staging_pose=UNSET if (staging := drive.staging_pose) is None else tuple(staging.tolist()),
     )
 

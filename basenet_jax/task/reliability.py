@@ -18,10 +18,12 @@ from jax import Array
 from jaxtyping import Bool, Float, Int, PRNGKeyArray
 
 from basenet_jax import rounds, struct
+from basenet_jax.compilation import Stored
 from basenet_jax.config import PickConfig, UncertaintyConfig
 from basenet_jax.geometry import compose
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.picking import estimate_pick_time, pick
+from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.world.boxes import Room
 from basenet_jax.world.clearance import base_collides
 from basenet_jax.world.grasps import Grasps, in_world
@@ -63,6 +65,14 @@ class Chance:
         """The least reliability: that which is asked for, up to whole draws."""
         return 1.0 - self.allowed / len(self.errors.base)
 
+    def holds(self, reliability: Float[Array, "*batch"]) -> Bool[Array, "*batch"]:
+        """Whether picks are as reliable as that."""
+        return reliability >= self.level - _ROUNDING
+
+    def glance(self, draws: int) -> "Chance":
+        """The same with the largest errors alone, so many: most of what isn't reliable fails in these already."""
+        return dataclasses.replace(self, errors=self.errors[:draws])
+
 
 class Tried(NamedTuple):
     """Pairs of stop and object after some of the draws."""
@@ -71,7 +81,7 @@ class Tried(NamedTuple):
     drawn: Int[Array, "K M"]  # draws looked at
 
 
-def draw_errors(key: PRNGKeyArray, config: UncertaintyConfig = UncertaintyConfig()) -> Errors:
+def draw_errors(key: PRNGKeyArray, config: UncertaintyConfig) -> Errors:
     """The draws of a configuration, the base's largest errors (by their standard deviations) first.
 
     Args:
@@ -158,6 +168,50 @@ def reliability(
     return rounds.in_chunks(share, (base_pose, slot), max(1, PAIRS_AT_ONCE * _DRAWS_AT_ONCE // len(errors.base)))
 
 
+def plan_reliability(
+    robot: Robot, scene: Scene, plan: Plan, errors: Errors, config: PickConfig, *, fine: bool = True
+) -> Float[Array, "*batch M"]:
+    """The reliability of each step of plans; 0 for steps without a base pose.
+
+    Args:
+        robot: the robot.
+        scene: one scene or a batch with one leading axis, all in one room or each in its own.
+        plan: of the same batch shape.
+        errors: the same for all steps.
+        config: of picks from where the base stands, see `actual_picks`.
+        fine: by `pick`, or the coarse way.
+    """
+
+    def of_one(pair: tuple[Scene, Plan]) -> Array:
+        scene, plan = pair
+        slot = jnp.maximum(plan.object_index, 0)
+        share = reliability(robot, scene, plan.base_pose, slot, errors, config, fine=fine)
+        return jnp.where(plan.served, share, 0.0)
+
+    return of_one((scene, plan)) if scene.mask.ndim == 1 else jax.lax.map(of_one, (scene, plan))
+
+
+compiled_plan_reliability = Stored(plan_reliability, static=("config", "fine"))
+
+
+def with_reliability(
+    robot: Robot, scene: Scene, plan: Plan, outcome: Outcome, chance: Chance, config: PickConfig
+) -> Outcome:
+    """The outcome with how sure each step is, the fine way; see `plan_reliability`.
+
+    Args:
+        robot: of the outcome.
+        scene: one, or a batch with one leading axis.
+        plan: of the scene.
+        outcome: of executing it.
+        chance: with the errors.
+        config: of the picks that were planned.
+    """
+    actual = actual_picks(config, chance.uncertainty)
+    share = compiled_plan_reliability(robot, scene, plan, chance.errors, config=actual)
+    return dataclasses.replace(outcome, reliability=share)
+
+
 def try_pairs(
     robot: Robot,
     scene: Scene,
@@ -167,6 +221,7 @@ def try_pairs(
     config: PickConfig,
     *,
     allowed: Int[Array, ""] | int,
+    at_least: Int[Array, "K M"] | int = 0,
     fine: bool = True,
     pairs_at_once: int = PAIRS_AT_ONCE,
 ) -> Tried:
@@ -183,6 +238,7 @@ def try_pairs(
         errors: the same for all pairs.
         config: of picks from where the base stands, see `actual_picks`.
         allowed: so many draws may fail.
+        at_least: so many do, as is known beforehand; by the coarse way, say.
         fine: by `pick`, or the coarse way.
         pairs_at_once: in one round.
     """
@@ -192,7 +248,7 @@ def try_pairs(
     def is_open(tried: Tried) -> Array:
         tried = jax.tree.map(lambda x: x.reshape(chosen.shape), tried)
         most = jnp.maximum(allowed, _fewest_failures(tried, chosen, draws))
-        return (chosen & (tried.drawn < draws) & (tried.failed <= most)).ravel()
+        return (chosen & (tried.drawn < draws) & (jnp.maximum(tried.failed, at_least) <= most)).ravel()
 
     def look(pair: Array, tried: Tried) -> Tried:
         pose, slot = jnp.divmod(jnp.minimum(pair, chosen.size - 1), slots)

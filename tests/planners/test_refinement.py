@@ -76,7 +76,8 @@ def test_rigid_motions_keep_what_stops_are_to_each_other():
 def few_programs():
     """The planner's two steps of improvement are compiled apart, as the tests of each call them."""
 
-    def refine_and_reassign(robot, scene, route, key, drives, config, world):
+    def refine_and_reassign(robot, scene, route, key, drives, chance, config, world):
+        assert chance is None
         route, _ = move(robot, scene, route, key, drives, config.rounds, config=config, world=world)
         return route, assign(robot, scene, route, world=world)
 

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from basenet_jax.config import NavigationConfig, PickConfig, TableConfig, WorldConfig
+from basenet_jax.config import NavigationConfig, PickConfig, TableConfig, UncertaintyConfig, WorldConfig
 from basenet_jax.task.picking import Reason
 from basenet_jax.task.plan import Outcome, Plan, with_singular_values
 from basenet_jax.task.plan_file import PlanFileError, load_plan, load_plan_world, save_plan
@@ -97,6 +97,30 @@ def test_numbers_give_back_the_same_float32(path, outcome: Outcome):
     np.testing.assert_array_equal(np.array(least[:2], np.float32), outcome.least_singular_value[:2])
 
 
+def test_reliabilities_are_written_with_what_they_are_of_and_checked(tmp_path, scene, plan, outcome):
+    sure = dataclasses.replace(outcome, reliability=jnp.array([1.0, 0.953125, 0.5, 0.0, 0.0]))
+    file = tmp_path / "sure.json"
+    about = ABOUT | {"uncertainty": UncertaintyConfig(sd_xy_m=0.05), "least_reliability": 0.9}
+    save_plan(file, scene, plan, sure, **about)
+    content = json.loads(file.read_text())
+    assert [step["reliability"] for step in content["steps"]] == [1.0, 0.953125, 0.5, 0.0]
+    assert content["uncertainty"] == dataclasses.asdict(UncertaintyConfig(sd_xy_m=0.05)) | {"least_reliability": 0.9}
+    np.testing.assert_array_equal(load_plan(file, scene).object_index, plan.object_index)
+    for path, value, said in (
+        (("steps", 1, "reliability"), 1.5, r"steps\[1\].reliability: found 1.5, allowed is a number from 0 to 1"),
+        (("uncertainty", "draws"), 0, "uncertainty.draws: found 0, allowed is a whole number from 1"),
+        (("uncertainty", "sd_xy_m"), -0.1, "uncertainty.sd_xy_m: found -0.1, allowed is a number from 0"),
+    ):
+        wrong = json.loads(file.read_text())
+        place = wrong
+        for each in path[:-1]:
+            place = place[each]
+        place[path[-1]] = value
+        (tmp_path / "wrong.json").write_text(json.dumps(wrong))
+        with pytest.raises(PlanFileError, match=said):
+            load_plan(tmp_path / "wrong.json", scene)
+
+
 def test_a_file_without_singular_values_is_read(path, scene, plan):
     """As files were before there were any, and as they are where none were computed."""
     content = json.loads(path.read_text())
@@ -132,6 +156,7 @@ def test_a_changed_world_is_written_and_read_again(path, other_world, scene, pla
     assert load_plan_world(file) == dataclasses.replace(world, table=TableConfig())
     np.testing.assert_array_equal(load_plan(file, scene, world).object_index, plan.object_index)
     assert "world" not in json.loads(path.read_text())
+    assert "uncertainty" not in json.loads(path.read_text())
     assert load_plan_world(path) == WorldConfig()
 
 

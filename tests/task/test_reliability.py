@@ -4,6 +4,7 @@ import dataclasses
 import math
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -108,7 +109,7 @@ def test_the_search_finds_the_reliable_pairs_and_the_best_of_those_objects_that_
     chosen[:, 2] = False  # an object that no stop serves
     failed = np.round(DRAWS * (1.0 - rate(robot, scene, stops, errors, fine=True))).astype(int)
     tried = _try_pairs(robot, scene, stops, chosen, errors, config=CONFIG, allowed=allowed, pairs_at_once=16)
-    found = np.asarray(reliable_pairs(tried, chosen, allowed, DRAWS))
+    found = np.asarray(reliable_pairs(tried, jnp.asarray(chosen), allowed, DRAWS))
     best = np.min(np.where(chosen, failed, DRAWS), axis=0)
     np.testing.assert_array_equal(found, chosen & (failed <= np.maximum(best, allowed)))
     done = np.asarray(tried.drawn) == DRAWS
@@ -120,8 +121,8 @@ def test_the_search_finds_the_reliable_pairs_and_the_best_of_those_objects_that_
 
 
 def test_pairs_that_were_given_up_are_not_reliable():
-    tried = Tried(np.array([[0, 3], [1, 0]]), np.array([[8, 8], [8, 4]]))
-    chosen = np.array([[True, True], [True, True]])
+    tried = Tried(jnp.array([[0, 3], [1, 0]]), jnp.array([[8, 8], [8, 4]]))
+    chosen = jnp.ones((2, 2), bool)
     np.testing.assert_array_equal(reliable_pairs(tried, chosen, 0, 8), [[True, True], [False, False]])
     np.testing.assert_array_equal(reliable_pairs(tried, chosen, 1, 8), [[True, True], [True, False]])
 
