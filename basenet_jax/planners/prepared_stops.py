@@ -13,6 +13,7 @@ from typing import Any
 
 import jax
 import numpy as np
+from jaxtyping import Float
 
 from basenet_jax.cache_files import keep, read_kept
 from basenet_jax.compilation import cache_folder, source_digest
@@ -24,10 +25,10 @@ from basenet_jax.task.drive_space import DriveSpace
 from basenet_jax.task.drives import DockedDrives, are_docked, base_identity, make_drives
 from basenet_jax.task.gates import Gates
 from basenet_jax.task.prepared_world import PreparedWorld, prepare_world
-from basenet_jax.task.roadmap import Roadmap
+from basenet_jax.task.roadmap import Roadmap, padded
 from basenet_jax.world.boxes import Room, fingerprint
 
-_BUCKET = 128
+_LEAST = 128  # stops
 
 
 def prepared_stops(
@@ -50,6 +51,11 @@ def prepared_stops(
     """
     what = (base_identity(robot), fingerprint(room), aligned, pick.base_clearance_m, pick.touching_m, navigation)
     return _in_memory(_Asked(hashlib.sha256(repr(what).encode()).hexdigest(), robot, room, aligned, pick, navigation))
+
+
+def filled_up(poses: Float[np.ndarray, "S 3"]) -> Float[np.ndarray, "K 3"]:
+    """Poses of a room filled up with copies to one of few numbers; when a table is moved, it nearly always stays."""
+    return np.resize(poses, (max(_LEAST, padded(len(poses))), 3)) if len(poses) else poses
 
 
 def forget() -> None:
@@ -77,7 +83,7 @@ def _in_memory(asked: _Asked) -> PreparedWorld:
     if world is None:
         poses = aligned_poses(asked.robot, asked.room, asked.aligned, asked.pick)
         if are_docked(asked.room, asked.navigation):
-            poses = np.resize(poses, (len(poses) + -len(poses) % _BUCKET, 3))
+            poses = filled_up(poses)
         drives = make_drives(asked.robot, asked.room, asked.navigation)
         world = prepare_world(jax.device_put(asked.robot), drives, poses)
         if path is not None:
@@ -97,7 +103,7 @@ def _path(asked: _Asked) -> Path | None:
 def _like(reverse: bool) -> PreparedWorld:
     leaf: Any = 0.0
     return PreparedWorld(
-        drives=DockedDrives(Roadmap(DriveSpace(*[leaf] * 9), *[leaf] * 6, reverse=reverse)),
+        drives=DockedDrives(Roadmap(DriveSpace(*[leaf] * 9), *[leaf] * 7, reverse=reverse)),
         poses=leaf,
         ends=Gates(*[leaf] * 5),
         goals=SharedGates(Gates(*[leaf] * 5), Places(*[leaf] * 3)),

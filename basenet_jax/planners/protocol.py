@@ -16,11 +16,11 @@ from basenet_jax.config import AlignedConfig, GridConfig, WorldConfig
 from basenet_jax.devices import Devices
 from basenet_jax.planners.aligned_stops import sure_lines
 from basenet_jax.planners.candidates import grid_poses
-from basenet_jax.planners.prepared_stops import prepared_stops
+from basenet_jax.planners.prepared_stops import filled_up, prepared_stops
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.reading import load_robot
 from basenet_jax.task.drive_times import DriveTimes
-from basenet_jax.task.drives import Drives, GivenDrives, PointDrives, make_drives
+from basenet_jax.task.drives import Drives, GivenDrives, PointDrives, are_docked, make_drives
 from basenet_jax.task.plan import Plan
 from basenet_jax.task.prepared_world import PreparedWorld, prepare_world
 from basenet_jax.task.reliability import Chance
@@ -136,8 +136,9 @@ class PlannerSetup:
 
     @cached_property
     def grid_poses(self) -> Float[np.ndarray, "K 3"]:
-        """The grid's base poses (x, y, heading in W) that don't collide with the table."""
-        return grid_poses(self.robot, self.room, self.grid, self.world.pick)
+        """The grid's base poses (x, y, heading in W) that touch nothing; in rooms some twice, see `filled_up`."""
+        poses = grid_poses(self.robot, self.room, self.grid, self.world.pick)
+        return filled_up(poses) if are_docked(self.room, self.world.navigation) else poses
 
     @cached_property
     def drives(self) -> Drives:

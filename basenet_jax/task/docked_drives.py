@@ -18,11 +18,12 @@ from basenet_jax.robot.timing import straight_duration, turn_duration
 from basenet_jax.task.drive_space import footprint_fits
 from basenet_jax.task.gates import Gates, gates, one_way_times
 from basenet_jax.task.road_search import gears, road_times
-from basenet_jax.task.roadmap import Roadmap, padded
+from basenet_jax.task.roadmap import Roadmap
 from basenet_jax.trigonometry import atan2, sin_cos, wrap_angle
 
 SAME_POSE = 1e-6  # m or rad
 _ROUNDING = 1e-5  # rad: a turn may go so far beyond what is free
+_FEW = 24  # places, at least
 _SAME_PLACE = 2e-5  # m or rad: turning places and headings that are one but for rounding
 
 
@@ -55,10 +56,17 @@ def drive_matrix(
         goal: likewise.
     """
     ends = [
-        shared_gates(robot, _gates(robot, roadmap, np.asarray(poses)), reverse=roadmap.reverse)
+        shared_gates(robot, compiled_gates(robot, roadmap, np.asarray(poses)), reverse=roadmap.reverse)
         for poses in (start, goal)
     ]
-    return np.asarray(_matrix(robot, roadmap, *ends))
+    return drives_between(robot, roadmap, *ends)
+
+
+def drives_between(
+    robot: Robot, roadmap: Roadmap, start: "SharedGates", goal: "SharedGates"
+) -> Float[np.ndarray, "S T"]:
+    """`drive_matrix` of poses whose gates are known."""
+    return np.asarray(_matrix(robot, roadmap, start, goal))
 
 
 @struct.dataclass
@@ -101,12 +109,16 @@ def _shared_places(robot: Robot, ends: Gates, *, reverse: bool) -> Places:
     index = np.zeros(used.shape, np.int32)
     index[used] = which.ravel()
     shared = pose[used][first] if len(first) else pose[:1, 0]
-    return Places(np.resize(shared, (padded(len(shared)), 3)), index, halves % 2 == 1)
+    size = max(len(used) // 2, _FEW)  # poses along a side share their places: nearly always enough, whatever is moved
+    while size < len(shared):
+        size *= 2
+    return Places(np.resize(shared, (size, 3)), index, halves % 2 == 1)
 
 
 @jax.jit
-def _gates(robot: Robot, roadmap: Roadmap, pose: Array) -> Gates:
-    return gates(robot, roadmap.space, pose)
+def compiled_gates(robot: Robot, roadmap: Roadmap, pose: Float[ArrayLike, "S 3"]) -> Gates:
+    """`gates` in a room, compiled."""
+    return gates(robot, roadmap.space, jnp.asarray(pose))
 
 
 @jax.jit

@@ -21,7 +21,7 @@ from basenet_jax import rounds, struct
 from basenet_jax.compilation import Stored
 from basenet_jax.config import DockedConfig, NavigationConfig
 from basenet_jax.robot.model import Robot
-from basenet_jax.task.docked_drives import drive_matrix, drive_times, shared_gates
+from basenet_jax.task.docked_drives import compiled_gates, drive_matrix, drive_times, drives_between, shared_gates
 from basenet_jax.task.docked_manoeuvre import find_manoeuvre
 from basenet_jax.task.drive_times import DriveTimes
 from basenet_jax.task.gates import gates
@@ -54,10 +54,14 @@ class PointDrives:
         del robot
         return poses
 
-    def goals(self, robot: Robot, ends: Ends) -> Goals:
-        """The ends as goals of many drives, on the host."""
+    def goals(self, robot: Robot, poses: Float[Array, "S 3"]) -> tuple[Ends, Goals]:
+        """The ends of poses, and the same as goals of many drives, on the host."""
         del robot
-        return ends
+        return poses, poses
+
+    def between(self, robot: Robot, goals: Goals) -> ArrayLike:
+        """The times (s) of the drives from each of many goals to each, on the host."""
+        return _point_matrix(self, robot, goals, goals)
 
     def times(self, robot: Robot, start: Ends, goal: Goals) -> Float[Array, "S T"]:
         """Least times (s) from all starts to all goals; infinite where there is no way."""
@@ -105,9 +109,14 @@ class DockedDrives:
         """What `times` asks of poses (x, y, heading in W)."""
         return gates(robot, self.roadmap.space, poses)
 
-    def goals(self, robot: Robot, ends: Ends) -> Goals:
-        """The ends as goals of many drives, on the host: turning places that they share are searched for once."""
-        return shared_gates(robot, ends, reverse=self.roadmap.reverse)
+    def goals(self, robot: Robot, poses: Float[Array, "S 3"]) -> tuple[Ends, Goals]:
+        """The ends of poses, and the same as goals of many drives, on the host: places that they share count once."""
+        ends = compiled_gates(robot, self.roadmap, poses)
+        return ends, shared_gates(robot, ends, reverse=self.roadmap.reverse)
+
+    def between(self, robot: Robot, goals: Goals) -> ArrayLike:
+        """The times (s) of the drives from each of many goals to each, on the host."""
+        return drives_between(robot, self.roadmap, goals, goals)
 
     def times(self, robot: Robot, start: Ends, goal: Goals) -> Float[Array, "S T"]:
         """Least times (s) from all starts to all goals; infinite where there is no way."""
@@ -177,10 +186,14 @@ class GivenDrives:
         same = jnp.all(jnp.abs(apart) <= SAME_POSE_IN_TABLE, axis=-1)
         return jnp.where(jnp.any(same, axis=-1), jnp.argmax(same, axis=-1), len(self.poses))
 
-    def goals(self, robot: Robot, ends: Ends) -> Goals:
-        """The ends as goals of many drives, on the host."""
-        del robot
-        return ends
+    def goals(self, robot: Robot, poses: Float[Array, "S 3"]) -> tuple[Ends, Goals]:
+        """The ends of poses, and the same as goals of many drives, on the host."""
+        ends = _given_ends(self, robot, poses)
+        return ends, ends
+
+    def between(self, robot: Robot, goals: Goals) -> ArrayLike:
+        """The times (s) of the drives from each of many goals to each, on the host."""
+        return _given_times(self, robot, goals)
 
     def times(self, robot: Robot, start: Ends, goal: Goals) -> Float[Array, "S T"]:
         """The times (s) from all starts to all goals."""
@@ -255,6 +268,16 @@ def base_identity(robot: Robot) -> Hashable:
     sizes = (robot.footprint_half_size, robot.body_center, robot.body_half_size)
     arrays = (np.asarray(x) for x in (*sizes, robot.base_speed, robot.base_acceleration))
     return robot.omnidirectional, *(x.tobytes() for x in arrays)
+
+
+@jax.jit
+def _given_ends(drives: GivenDrives, robot: Robot, poses: Array) -> Array:
+    return drives.ends(robot, poses)
+
+
+@jax.jit
+def _given_times(drives: GivenDrives, robot: Robot, ends: Array) -> Array:
+    return drives.times(robot, ends, ends)
 
 
 @jax.jit

@@ -68,10 +68,11 @@ def prepare_world(
         all_pairs: whether to compute the drives between all of them now.
     """
     stops = jnp.asarray(poses)
-    known = jnp.asarray(drives.matrix(robot, stops, stops)) if all_pairs else None
-    ends = _ends(drives, robot, stops)
-    goals = jax.device_put(drives.goals(robot, ends)) if all_pairs else ends
-    return PreparedWorld(drives, stops, ends, goals, known)
+    ends, goals = drives.goals(robot, stops)
+    if not all_pairs:
+        return PreparedWorld(drives, stops, ends, ends, None)
+    goals = jax.device_put(goals)
+    return PreparedWorld(drives, stops, ends, goals, jnp.asarray(drives.between(robot, goals)))
 
 
 def join_worlds(first: PreparedWorld, second: PreparedWorld) -> PreparedWorld:
@@ -80,11 +81,6 @@ def join_worlds(first: PreparedWorld, second: PreparedWorld) -> PreparedWorld:
         lambda a, b: jnp.concatenate([a, b]), (first.poses, first.ends), (second.poses, second.ends)
     )
     return PreparedWorld(first.drives, poses, ends, ends, None)
-
-
-@jax.jit
-def _ends(drives: Drives, robot: Robot, poses: Array) -> Ends:
-    return drives.ends(robot, poses)
 
 
 @Stored

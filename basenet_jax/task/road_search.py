@@ -5,6 +5,7 @@ it. Driving all forward or all in reverse only changes the first and the last tu
 turns elsewhere, and has one gear.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -16,14 +17,13 @@ from basenet_jax import rounds
 from basenet_jax.robot.model import Robot
 from basenet_jax.robot.timing import straight_duration
 from basenet_jax.task.drive_space import is_free
-from basenet_jax.task.roadmap import SAME_PLACE_M, Roadmap, road_turn_time
+from basenet_jax.task.roadmap import BLOCK, SAME_PLACE_M, Roadmap, road_turn_time
 from basenet_jax.trigonometry import atan2
 
 MOST_PIECES = 16  # between vias
-_AT_ONCE = 128  # places from which roads are searched at once
+_AT_ONCE = 64  # places from which roads are searched at once
 _FEW_SUMS = 1 << 20  # so many are formed at once: loops that leave out what needn't be formed cost more
 _GOALS = 16  # of those seen from a via, that are gone on to at once
-_BLOCK = 8  # neighbours that are gone through at once; what they are padded to is a multiple of it
 
 
 class Pieces(NamedTuple):
@@ -92,35 +92,64 @@ def reach_vias(robot: Robot, roadmap: Roadmap, start: Float[Array, "P 3"], first
     straight = jnp.where(roadmap.is_via[:, None, None], first.time.T[:, None] + first_turn, jnp.inf)
     onto = road_turn_time(robot, away[:, :, None] - direction[:, None])
     seed = roadmap.time[:, :, None, None] + (straight[:, None] + onto[:, :, None])
-    shape, degree = seed.shape, _degree(roadmap)
+    if roadmap.turn.size * seed.shape[2] * seed.shape[3] <= _FEW_SUMS:
+        return Reached(straight, _relax_all(roadmap, seed))
+    return Reached(straight, _relax_rows(roadmap, seed))
+
+
+def _relax_all(roadmap: Roadmap, seed: Float[Array, "V D G P"]) -> Float[Array, "V D G P"]:
+    """Times of arriving at vias, from those of setting out on pieces; by all sums at once."""
 
     def arrive(left: Array) -> Array:
         """Pieces by where they end instead of by where they begin."""
-        return left.reshape(roadmap.time.size, -1)[roadmap.back.ravel()].reshape(shape)
+        return left.reshape(roadmap.time.size, -1)[roadmap.back.ravel()].reshape(seed.shape)
 
-    def leave(via: tuple[Array, ...]) -> Array:
-        over, turn, degree, waits = via
-        count = jnp.where(waits, 0, degree)  # nobody has come to it faster since it was left last
+    def relax(over: Array, _: Array) -> Array:
+        left = jnp.min(over[:, :, None] + roadmap.turn[..., None, None], axis=1)
+        return jnp.minimum(over, arrive(left + roadmap.time[:, :, None, None]))
 
-        def some(index: Array, left: Array) -> Array:
-            turns = jax.lax.dynamic_slice_in_dim(turn, _BLOCK * index, _BLOCK, axis=1)
-            return jax.lax.dynamic_update_slice_in_dim(left, _least_sum(over, turns, count), _BLOCK * index, axis=0)
+    return _until_nothing_is_faster(relax, arrive(seed))
 
-        return jax.lax.fori_loop(0, -(-count // _BLOCK), some, jnp.full(over.shape, jnp.inf, over.dtype))
 
-    def relax(state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-        over, waits, count = state
-        if roadmap.turn.size * shape[2] * shape[3] <= _FEW_SUMS:
-            left = jnp.min(over[:, :, None] + roadmap.turn[..., None, None], axis=1)
-        else:
-            left = jax.lax.map(leave, (over, roadmap.turn, degree, waits))
-        new = jnp.minimum(over, arrive(left + roadmap.time[:, :, None, None]))
-        return new, ~jnp.any(new < over, axis=(1, 2, 3)), count + 1
+def _relax_rows(roadmap: Roadmap, seed: Float[Array, "V D G P"]) -> Float[Array, "V D G P"]:
+    """The same over the pieces that there are, block by block, where the lists of neighbours are long and few full."""
+    rows, size, most = roadmap.rows, roadmap.time.size, roadmap.neighbour.shape[1]
+    there = rows < size
+    place = jnp.zeros(size, jnp.int32).at[rows].set(jnp.arange(len(rows)), mode="drop")
+    other_end = jnp.where(there, place[roadmap.back.ravel()[jnp.minimum(rows, size - 1)]], len(rows) - 1)
+    time = jnp.where(there, roadmap.time.ravel()[jnp.minimum(rows, size - 1)], jnp.inf)[:, None, None]
+    via, degree = jnp.minimum(rows // most, len(roadmap.via) - 1), _degree(roadmap)
+    owner, column = via[::BLOCK], rows[::BLOCK] % most
+    block = (owner, column, place[owner * most], there[::BLOCK] & (column < degree[owner]))
 
-    over = arrive(seed)
-    state = (over, jnp.zeros(len(over), bool), jnp.array(1))
-    over, _, _ = jax.lax.while_loop(lambda state: ~jnp.all(state[1]) & (state[2] < MOST_PIECES), relax, state)
-    return Reached(straight, over)
+    def relax(over: Array, faster: Array) -> Array:
+        # From other vias nobody sets out: none has come to them faster since they were left last.
+        count = jnp.where(jnp.zeros(len(roadmap.via), bool).at[via].max(faster), degree, 0)
+
+        def leave(block: tuple[Array, ...]) -> Array:
+            via, column, first, there = block
+            turn = jax.lax.dynamic_slice(roadmap.turn, (via, 0, column), (1, most, BLOCK))[0]
+            return _least_sum(over, turn, jnp.where(there, count[via], 0), first)
+
+        left = jax.lax.map(leave, block).reshape(over.shape)
+        return jnp.minimum(over, (left + time)[other_end])
+
+    first = seed.reshape(size, *seed.shape[2:]).at[rows].get(mode="fill", fill_value=jnp.inf)[other_end]
+    over = _until_nothing_is_faster(relax, first)
+    whole = jnp.full((size, *over.shape[1:]), jnp.inf, over.dtype)
+    return whole.at[rows].set(over, mode="drop").reshape(seed.shape)
+
+
+def _until_nothing_is_faster(relax: Callable[[Array, Array], Array], first: Array) -> Array:
+    """Rounds of relaxing, which is told the rows that became faster in the last one."""
+
+    def again(state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+        over, faster, count = state
+        new = relax(over, faster)
+        return new, jnp.any(new < over, axis=(-2, -1)), count + 1
+
+    start = (first, jnp.ones(first.shape[:-2], bool), jnp.array(1))
+    return jax.lax.while_loop(lambda state: jnp.any(state[1]) & (state[2] < MOST_PIECES), again, start)[0]
 
 
 def away_from(roadmap: Roadmap) -> Float[Array, "V D"]:
@@ -183,14 +212,18 @@ def _degree(roadmap: Roadmap) -> Int[Array, " V"]:
     return jnp.sum(jnp.isfinite(roadmap.time), axis=1)
 
 
-def _least_sum(before: Float[Array, "D G P"], turn: Float[Array, "D X"], count: Array) -> Float[Array, "X G P"]:
-    """The least of before + turn over the first `count` rows, a block of them at a time."""
+def _least_sum(
+    before: Float[Array, "R G P"], turn: Float[Array, "D X"], count: Array, first: Array | int = 0
+) -> Float[Array, "X G P"]:
+    """The least of before + turn over `count` rows, of `before` from its `first` on, a block of them at a time."""
 
     def block(index: Array, best: Array) -> Array:
-        some, turns = (jax.lax.dynamic_slice_in_dim(x, _BLOCK * index, _BLOCK) for x in (before, turn))
-        for row in range(_BLOCK):
-            best = jnp.minimum(best, some[row] + turns[row][:, None, None])
+        some = jax.lax.dynamic_slice_in_dim(before, first + BLOCK * index, BLOCK)
+        turns = jax.lax.dynamic_slice_in_dim(turn, BLOCK * index, BLOCK)
+        for row in range(BLOCK):
+            other = some[row] + turns[row][:, None, None]  # never NaN, which `jnp.minimum` would look for
+            best = jnp.where(other < best, other, best)
         return best
 
     none = jnp.full((turn.shape[1], *before.shape[1:]), jnp.inf, before.dtype)
-    return jax.lax.fori_loop(0, -(-count // _BLOCK), block, none)
+    return jax.lax.fori_loop(0, -(-count // BLOCK), block, none)

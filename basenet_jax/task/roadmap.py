@@ -19,6 +19,8 @@ from basenet_jax.world.boxes import Room, pad
 SAME_PLACE_M = 2e-5  # nearer places are one, and no direction leads from one to the other: rounding at some metres
 _CORNERS = np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
 _LEAST = 24  # boxes, vias and neighbours are padded to this, 32, 48, 64, 96 and so on, so that rooms share programs
+_SMALL = 4096  # places in all lists together
+BLOCK = 8  # neighbours that are gone through at once; what they are padded to is a multiple of it
 
 
 @struct.dataclass
@@ -32,6 +34,7 @@ class Roadmap:
     back: Int[Array, "V D"]  # where the same piece stands for the neighbour, as an index into V · D
     time: Float[Array, "V D"]  # s, of the piece; infinite: there is none
     turn: Float[Array, "V D D"]  # s, coming from the one neighbour and leaving for the other; 0 if omnidirectional
+    rows: Int[Array, " R"]  # indices into V · D, via by via, of whole blocks that hold its pieces; V · D pads
     reverse: bool = struct.field(pytree_node=False, default=True)  # whether the base may drive so
 
 
@@ -59,7 +62,7 @@ def make_roadmap(robot: Robot, room: Room, config: DockedConfig = DockedConfig()
     direction = np.arctan2(away[..., 1], away[..., 0])
     time, turn = _times(robot, np.hypot(*away.T).T, direction)
     time = np.where(none, np.inf, time)
-    leaves: tuple[Any, ...] = (via, is_via, np.maximum(neighbour, 0), back, time, turn)
+    leaves: tuple[Any, ...] = (via, is_via, np.maximum(neighbour, 0), back, time, turn, _rows(~none))
     return Roadmap(space, *leaves, reverse=reverse or robot.omnidirectional)
 
 
@@ -106,6 +109,19 @@ def _lists(seen: Bool[np.ndarray, "V V"]) -> tuple[Int[np.ndarray, "V D"], Int[n
     neighbour[start, rank[start, end]] = end
     back[start, rank[start, end]] = end * degree + rank[end, start]
     return neighbour, back
+
+
+def _rows(there: Bool[np.ndarray, "V D"]) -> Int[np.ndarray, " R"]:
+    """Where the pieces are: in a large room most vias see few others, and one of them many, to which lists are padded.
+
+    In smaller ones the gain isn't worth further shapes to compile.
+    """
+    size = there.size
+    if size <= _SMALL:
+        return np.arange(size, dtype=np.int32)
+    held = np.arange(there.shape[1]) < -(-there.sum(axis=1, keepdims=True) // BLOCK) * BLOCK
+    rows = np.flatnonzero(held)
+    return np.pad(rows, (0, padded(len(rows)) - len(rows)), constant_values=size).astype(np.int32)
 
 
 @jax.jit

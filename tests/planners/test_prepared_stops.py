@@ -9,7 +9,10 @@ import pytest
 
 from basenet_jax.config import AlignedConfig, DockedConfig, NavigationConfig, PickConfig
 from basenet_jax.planners import prepared_stops as module
+from basenet_jax.planners.aligned_stops import aligned_poses
+from basenet_jax.planners.candidates import grid_poses
 from basenet_jax.planners.prepared_stops import forget, prepared_stops
+from basenet_jax.planners.protocol import PlannerSetup
 from basenet_jax.task.prepared_world import prepare_world
 from basenet_jax.world.boxes import Boxes, Room
 
@@ -102,6 +105,21 @@ def test_whatever_drives_depend_on_is_another_file(robot, two_tables, folder, mo
     monkeypatch.setattr(module, "source_digest", lambda: "another")
     with pytest.raises(LookupError):
         ask(robot, two_tables)
+
+
+def test_a_moved_table_needs_no_other_shapes(robot, two_tables, folder):
+    """What is compiled for a room serves it when a table has been moved, which changes what is seen and reached."""
+    pose = two_tables.boxes.pose + np.array([(0.13, -0.07, 0.2), (0, 0, 0), (0, 0, 0)], np.float32)
+    moved = dataclasses.replace(two_tables, boxes=dataclasses.replace(two_tables.boxes, pose=pose))
+    setups = [PlannerSetup(robot=robot, room=room) for room in (two_tables, moved)]
+    before, after = (aligned_poses(robot, room, FEW) for room in (two_tables, moved))
+    assert len(before) != len(after)
+    shapes = [jax.tree.map(np.shape, ask(robot, room)) for room in (two_tables, moved)]
+    assert shapes[0] == shapes[1]
+    assert setups[0].grid_poses.shape == setups[1].grid_poses.shape
+    own = grid_poses(robot, two_tables)
+    np.testing.assert_array_equal(setups[0].grid_poses[: len(own)], own)
+    assert len(own) < len(setups[0].grid_poses) < 1.5 * len(own) + 1
 
 
 def test_without_a_folder_memory_alone_keeps(robot, two_tables, tmp_path, monkeypatch, made):

@@ -2,10 +2,14 @@
 
 import dataclasses
 
+import jax
 import numpy as np
 import pytest
 
-from basenet_jax.task.roadmap import make_roadmap, padded
+from basenet_jax.task import road_search
+from basenet_jax.task import roadmap as module
+from basenet_jax.task.docked_drives import compiled_gates, drive_times
+from basenet_jax.task.roadmap import BLOCK, make_roadmap, padded
 from tests.oracles import docked_drives as oracle
 from tests.task import docked_rooms
 from tests.task.docked_rooms import base_of, draw_room, room_of
@@ -40,6 +44,31 @@ def test_times_of_pieces_and_turns(robot, room):
             after = roadmap.via[roadmap.neighbour[via, onward]]
             angle = np.subtract(*(np.arctan2(*(b - a)[::-1]) for a, b in ((place, after), (there, place))))
             assert roadmap.turn[via, here, onward] == pytest.approx(base.turn(angle), abs=6e-3)
+
+
+def test_rows_of_large_rooms_hold_all_pieces_and_few_others(robot, room, monkeypatch):
+    whole = make_roadmap(robot, room_of(room))
+    monkeypatch.setattr(module, "_SMALL", 0)
+    roadmap = make_roadmap(robot, room_of(room))
+    np.testing.assert_array_equal(whole.rows, np.arange(whole.time.size))
+    size, rows = roadmap.time.size, roadmap.rows[roadmap.rows < roadmap.time.size]
+    assert set(np.flatnonzero(np.isfinite(roadmap.time))) <= set(rows.tolist())
+    degree = np.isfinite(roadmap.time).sum(axis=1)
+    assert len(rows) == np.sum(-(-degree // BLOCK) * BLOCK) < size
+    assert np.all(roadmap.rows[len(rows) :] == size)
+
+
+@pytest.mark.parametrize("small", [0, 4096], ids=["in rows", "whole lists"])
+def test_drives_are_the_same_block_by_block(robot, room, monkeypatch, small):
+    poses = docked_rooms.draw_poses(np.random.default_rng(0), base_of(robot), room)
+    expected = docked_rooms.drives(robot, room, poses, poses)
+    monkeypatch.setattr(module, "_SMALL", small)
+    monkeypatch.setattr(road_search, "_FEW_SUMS", 0)
+    roadmap = make_roadmap(robot, room_of(room))
+    ends = compiled_gates(robot, roadmap, poses)
+    found = jax.jit(lambda roadmap, ends: drive_times(robot, roadmap, ends, ends))(roadmap, ends)
+    assert np.any(np.isfinite(expected) & (expected > 0))
+    np.testing.assert_allclose(found, expected, atol=1e-4)
 
 
 def test_a_base_that_drives_sideways_turns_at_no_via(robot, room):
