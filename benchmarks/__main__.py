@@ -44,6 +44,7 @@ SCRIPTS = (
     "docked_drives",
     "rooms",
     "grasps",
+    "grasp_maps",
 )
 
 Cells = tuple[str, ...]

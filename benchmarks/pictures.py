@@ -1,4 +1,4 @@
-"""The README's pictures: one plan, every planner on one scene, and the reachability map, drawn into docs/."""
+"""The README's pictures: one plan, every planner on one scene, and the reachability maps, drawn into docs/."""
 
 import statistics
 import sys
@@ -12,10 +12,11 @@ import tyro
 
 import basenet_jax as bn
 from basenet_jax.compilation import enable_cache
+from basenet_jax.planners.grasp_map_build import build_grasp_map
 from basenet_jax.planners.protocol import PlannerSetup
 from basenet_jax.planners.reachability import MapStore
 from basenet_jax.planners.registry import PLANNERS
-from basenet_jax.plots import PlannedScene, plot_comparison, plot_plan, plot_reachability
+from basenet_jax.plots import PlannedScene, plot_comparison, plot_grasp_map, plot_plan, plot_reachability
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -47,6 +48,7 @@ def main(arguments: list[str] | None = None) -> None:
     figures = {
         "plan.png": plot_plan(robot, scene.arrays, best.plan, best.outcome, names=scene.names),
         "planners.png": plot_comparison(robot, scene.arrays, planned, columns=4),
+        "pictures/grasp_map.png": plot_grasp_map(build_grasp_map(setup.robot)),
         "reachability.png": plot_reachability(reach, layers=range(min(3, options.objects))),
     }
     for name, figure in figures.items():

@@ -85,14 +85,14 @@ class _Tour(NamedTuple):
 
 
 def picks_at_stops(
-    visited: Int[np.ndarray, " S"], candidates: Candidates, grasps: Float[np.ndarray, "M 4"]
+    visited: Int[np.ndarray, " S"], candidates: Candidates, grasps: Float[np.ndarray, "M G 2"]
 ) -> tuple[Int[np.ndarray, " P"], Int[np.ndarray, " P"]]:
     """What is picked where: at each stop all that it serves and that remains, the fastest first, then the nearest.
 
     Args:
         visited: the stops in order, as candidates' indices.
         candidates: on the host.
-        grasps: tool0's x, y, z, yaw in W at each slot's grasp.
+        grasps: tool0's x, y in W at each slot's grasps; infinite for those that pad.
 
     Returns:
         Slots in the order of the picks, and the candidate that each is picked from.
@@ -101,7 +101,7 @@ def picks_at_stops(
     poses: list[int] = []
     for stop in visited:
         served = np.setdiff1d(np.flatnonzero(candidates.serves[stop]), order)
-        distance = np.linalg.norm(grasps[served, :2] - candidates.base_pose[stop, :2], axis=-1)
+        distance = np.linalg.norm(grasps[served] - candidates.base_pose[stop, :2], axis=-1).min(axis=-1)
         order += served[np.lexsort((distance, candidates.pick_time[stop, served]))].tolist()
         poses += [int(stop)] * len(served)
     return np.array(order, int), np.array(poses, int)
@@ -117,5 +117,6 @@ def _coverage(robot: Robot, scene: Scene, candidates: Candidates, prepared: Prep
 
 
 @jax.jit
-def _grasps(scene: Scene) -> Float[Array, "M 4"]:
-    return scene.first_grasp
+def _grasps(scene: Scene) -> Float[Array, "M G 2"]:
+    grasps = scene.grasps
+    return jnp.where(grasps.there[..., None], grasps.pose[..., :2], jnp.inf)

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 
 from basenet_jax.planners.candidates import Candidates
 from basenet_jax.planners.protocol import PlannerSetup, assemble_plan
-from basenet_jax.planners.reachability import CandidateSource, unserved_reason
+from basenet_jax.planners.reachability import CandidateSource, nearest_grasp, unserved_reason
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.plan import Plan
 from basenet_jax.task.prepared_world import PreparedWorld
@@ -60,12 +60,12 @@ def nearest_first(
     Returns:
         The steps, and for each slot the reason it has if no step found it.
     """
-    grasp, serves = scene.first_grasp[:, :2], candidates.serves.T
+    serves = candidates.serves.T
     drives = stops.departures(robot, scene.robot_start, candidates.first_drive)
 
     def step(state: tuple[Array, Array, Array], _: None) -> tuple[tuple[Array, Array, Array], Steps]:
         at, pose, remaining = state
-        distance = jnp.linalg.norm(grasp - pose[:2], axis=-1)
+        distance = nearest_grasp(scene.grasps, pose)
         slot = jnp.argmin(jnp.where(remaining, distance, jnp.inf))
         drive = jnp.where(serves[slot] & remaining[slot], drives(at), jnp.inf)
         best = jnp.argmin(drive)

@@ -6,11 +6,9 @@ trust it.
 """
 
 import dataclasses
-import hashlib
 import math
 import os
 import re
-import warnings
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
@@ -23,11 +21,13 @@ from jax import Array
 from jaxtyping import Bool, Float, Int
 
 from basenet_jax import rounds, struct
-from basenet_jax.compilation import cache_folder
 from basenet_jax.config import GridConfig, PickConfig
 from basenet_jax.geometry import relative
 from basenet_jax.planners.candidates import Candidates, check_candidates, join, only_reachable
 from basenet_jax.planners.chance import reliable
+from basenet_jax.planners.grasp_map import grasp_map_candidates
+from basenet_jax.planners.grasp_map_file import KeptGraspMap
+from basenet_jax.planners.map_files import fingerprint, keep, map_folder
 from basenet_jax.planners.protocol import PlannerSetup
 from basenet_jax.robot.ik import damped_least_squares, residual
 from basenet_jax.robot.kinematics import reach_sphere
@@ -36,7 +36,7 @@ from basenet_jax.task import arm_solutions
 from basenet_jax.task.picking import Reason
 from basenet_jax.task.prepared_world import PreparedWorld, compiled_first_drives, join_worlds
 from basenet_jax.weights_file import load_weights, save_weights
-from basenet_jax.world.grasps import top_down
+from basenet_jax.world.grasps import Grasps, top_down
 from basenet_jax.world.scene import MAX_OBJECTS, Scene
 
 # Of map files; the number goes up whenever maps are computed in another way.
@@ -202,7 +202,7 @@ def save_map(
         OSError: the file can't be written.
     """
     arrays = {"height": np.asarray(reach_map.height, np.float32), "reachable": np.asarray(reach_map.reachable)}
-    save_weights(path, arrays, {"format": FORMAT, "made_for": fingerprint(robot, grid, config)})
+    save_weights(path, arrays, {"format": FORMAT, "made_for": fingerprint(robot, grid.step_m, grid.turns, config)})
 
 
 def load_map(
@@ -229,27 +229,12 @@ def load_map(
     arrays, metadata = load_weights(path, like)
     if metadata.get("format") != FORMAT:
         raise ValueError(f"{path}: format: found {metadata.get('format')!r}, needs {FORMAT!r}")
-    if metadata.get("made_for") != fingerprint(robot, grid, config):
+    if metadata.get("made_for") != fingerprint(robot, grid.step_m, grid.turns, config):
         raise ValueError(f"{path}: made_for: the map was made for another robot or configuration")
     found, reachable = (np.asarray(arrays[name]) for name in ("height", "reachable"))
     if not np.array_equal(found, heights):
         raise ValueError(f"{path}: height: found {found.tolist()}, needs {heights.tolist()}")
     return ReachabilityMap(reachable, heights, grid.step_m)
-
-
-def fingerprint(robot: Robot, grid: GridConfig, config: PickConfig) -> str:
-    """SHA-256 of the numbers that a map depends on, the robot's in single precision; of some others too."""
-    digest = hashlib.sha256(repr((robot.prismatic, robot.closed_form, grid.step_m, grid.turns, config)).encode())
-    for path, leaf in jax.tree_util.tree_leaves_with_path(robot):
-        values = np.asarray(leaf, "<f4")
-        digest.update(f"{jax.tree_util.keystr(path)} {values.shape}".encode() + values.tobytes())
-    return digest.hexdigest()
-
-
-def map_folder() -> Path | None:
-    """Where maps are kept on disk, beside compiled programs; None where nothing is kept."""
-    folder = cache_folder()
-    return None if folder is None else folder / "reachability"
 
 
 class MapStore:
@@ -305,21 +290,13 @@ class MapStore:
         return True
 
     def _save(self, steps: list[int]) -> None:
-        if self._folder is None:
-            return
-        try:
-            self._folder.mkdir(parents=True, exist_ok=True)
+        def write(folder: Path) -> None:
             for step in steps:
                 height = np.array([step * HEIGHT_STEP], np.float32)
                 layer = ReachabilityMap(self._layers[step][None], height, self._grid.step_m)
-                save_map(self._path(self._folder, step), layer, self._robot, self._grid, self._config)
-        except OSError as error:
-            warnings.warn(
-                f"{self._folder}: reachability maps can't be kept here ({error.strerror}), so every run builds them"
-                " anew; set XDG_CACHE_HOME to another folder, or BASENET_JAX_CACHE=off",
-                RuntimeWarning,
-                stacklevel=2,
-            )
+                save_map(self._path(folder, step), layer, self._robot, self._grid, self._config)
+
+        keep(self._folder, write)
 
     def _path(self, folder: Path, step: int) -> Path:
         name = re.sub(r"\W", "_", self._robot.name)
@@ -344,7 +321,9 @@ class CandidateSource:
         self._setup = setup
         # In rooms the stops in line with the surfaces, and the grid round these where they don't serve every object.
         self._first = setup.grid_stops if setup.docked is None else setup.aligned_stops()
-        self._maps = None if checked else MapStore(setup.robot, setup.grid, setup.world.pick, map_folder())
+        pick, folder = setup.world.pick, map_folder()
+        self._maps = None if checked else MapStore(setup.robot, setup.grid, pick, folder)
+        self._any_grasp = None if checked else KeptGraspMap(setup.robot, pick, folder)
 
     def __call__(self, scene: Scene) -> tuple[Candidates, PreparedWorld]:
         """The candidates of an unbatched scene, and the stops that they are.
@@ -386,13 +365,35 @@ class CandidateSource:
             nothing = jnp.zeros((0, len(scene.mask)))
             reason = jnp.full(len(scene.mask), Reason.BASE_COLLIDES)
             return Candidates(poses, nothing.astype(bool), nothing, reason)
-        if self._maps is None:
+        if self._maps is None or self._any_grasp is None:
             candidates = check_candidates(setup.robot, scene, poses, world=setup.world)
-        else:
+        elif only_from_above(scene):
             candidates = map_candidates(self._maps.for_scene(scene), scene, poses)
+        else:
+            candidates = grasp_map_candidates(self._any_grasp.map, scene, poses)
         if setup.docked is None:  # there are no other poses instead of those that can't be reached
             return candidates
         return only_reachable(candidates, compiled_first_drives(setup.robot, stops, scene.robot_start))
+
+
+def only_from_above(scene: Scene) -> bool:
+    """Whether every object of an unbatched scene has one top-down grasp, as in the paper's world."""
+    mask, grasps = jax.device_get((scene.mask, scene.object_grasps))
+    own = grasps.pose[mask][:, :, 3:5]
+    return bool(
+        np.all(np.sum(grasps.there[mask], axis=1) == 1) and np.all(own[:, 0] == np.array([np.pi, 0.0], np.float32))
+    )
+
+
+def nearest_grasp(grasps: Grasps, base_pose: Float[Array, "3"]) -> Float[Array, " M"]:
+    """Distance (m) on the floor from a base pose to the nearest grasp of each object.
+
+    Args:
+        grasps: in W, "M G" of them.
+        base_pose: (x, y, heading) in W.
+    """
+    distance = jnp.linalg.norm(grasps.pose[..., :2] - base_pose[:2], axis=-1)
+    return jnp.min(jnp.where(grasps.there, distance, jnp.inf), axis=-1)
 
 
 def unserved_reason(candidates: Candidates) -> Int[Array, " M"]:

@@ -3,7 +3,7 @@
 from basenet_jax.plots.comparison import PlannedScene, plot_comparison
 from basenet_jax.plots.drawing import CLASS_COLORS
 from basenet_jax.plots.plan import plot_plan
-from basenet_jax.plots.reachability import plot_reachability
+from basenet_jax.plots.reachability import plot_grasp_map, plot_reachability
 from basenet_jax.plots.render import RenderError, Video, render_plan, render_video
 from basenet_jax.plots.video import check_video, encode_video, save_video
 
@@ -15,6 +15,7 @@ __all__ = [
     "check_video",
     "encode_video",
     "plot_comparison",
+    "plot_grasp_map",
     "plot_plan",
     "plot_reachability",
     "render_plan",

@@ -78,6 +78,27 @@ def solve(robot: Robot, picks: Picks, config: PickConfig, seeds: Float[Array, "s
     return _by_grasp(picks, lambda own: _solve_from_seeds(robot, own, config, joints))
 
 
+def reached(robot: Robot, picks: Picks, config: PickConfig) -> Bool[Array, " B"]:
+    """Whether the arm alone reaches each pick's one grasp as it is, the gripper not turned.
+
+    A solution of the grasp is within the joint limits and misses it by no more than the tolerance. Nothing comes before
+    or after: no pre-grasp, no descent, no clearance.
+
+    Args:
+        robot: one with a closed form.
+        picks: by one grasp each, without the axis of G, as of `Picks.by`.
+        config: the tolerance, and how many angles of a seventh joint are tried.
+    """
+    target = tool_target(robot, picks, 0.0, 0.0)
+
+    def attempt(branch: Array, found: Array) -> Array:
+        solution = _branch(robot, target, branch, 0.0, config)
+        _, inside = _nearest_equivalents(robot, solution.joints, tuple(robot.home))
+        return found | (inside & (solution.shortfall <= config.position_tolerance_m))
+
+    return jax.lax.fori_loop(0, branches(robot, config), attempt, jnp.zeros(picks.approach.shape, bool))
+
+
 def _by_grasp(picks: Picks, solve_own: Callable[[Picks], Solutions]) -> Solutions:
     """The solutions of one grasp after the other: a grasp's arrays fit a CPU core's cache, those of all don't."""
     if picks.grasps == 1:  # a loop of one round still costs a third of the time

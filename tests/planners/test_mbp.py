@@ -72,7 +72,8 @@ def test_picks_at_a_stop_are_the_fastest_first_then_the_nearest():
     poses = np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]], np.float32)
     serves = np.array([[True, True, True, False], [False, True, False, True]])
     pick_time = np.where(serves, [[9.0, 9.0, 8.0, 0.0], [0.0, 1.0, 0.0, 1.0]], np.inf)
-    grasps = np.array([[0.5, 0.0, 1.1, 0.0], [0.1, 0.0, 1.1, 0.0], [0.9, 0.0, 1.1, 0.0], [0.0, 0.3, 1.1, 0.0]])
+    far = [np.inf, np.inf]  # pads
+    grasps = np.array([[[0.5, 0.0], far], [[0.3, 0.0], [0.1, 0.0]], [[0.9, 0.0], far], [[0.0, 0.3], far]])
     order, pose = picks_at_stops(np.array([0, 1]), as_candidates(poses, serves, pick_time), grasps)
     assert order.tolist() == [2, 1, 0, 3]
     assert pose.tolist() == [0, 0, 0, 1]
