@@ -18,6 +18,8 @@ from basenet_jax.world.scene_fields import CLASSES
 GRASPS_FORMAT = "basenet-grasps/1"
 KEPT = 16  # of an object's grasps: planning looks at so many
 _MAX_BYTES = 1024 * 1024
+_FAR_M = 0.75  # farther from an object's box no gripper's frame is
+_UPWARD, _BELOW_M = 0.2, 0.02  # the z of a tool that comes from below, and how far below the box it is
 _ORTHONORMAL = 1e-3  # how far the columns of a matrix may be from a rotation's
 
 _ALLOWED = {
@@ -69,19 +71,42 @@ def read_grasps(
     if item.grasps is UNSET:
         grasps = CLASSES[str(item.class_)].grasps(sides=sides)
         return grasps, np.arange(len(grasps.there))
+    field = f"{path}.grasps"
     if not isinstance(item.grasps, str):
         return _kept(item.grasps, _frame(item.tool_frame))
-    field = f"{path}.grasps"
     found = find_file(item.grasps, folder, folder.resolve(), field)
+    frame = item.tool_frame
     try:
         if found.suffix.lower() == ".npy":
-            return _kept(_from_matrices(read_bytes(found, _MAX_BYTES)), _frame(item.tool_frame))
-        data = read_json(found) if found.suffix.lower() == ".json" else read_yaml(found)
-        fields = convert(data, GraspFileFields, format_name=GRASPS_FORMAT, allowed=_ALLOWED)
+            grasps = _from_matrices(read_bytes(found, _MAX_BYTES))
+        else:
+            data = read_json(found) if found.suffix.lower() == ".json" else read_yaml(found)
+            fields = convert(data, GraspFileFields, format_name=GRASPS_FORMAT, allowed=_ALLOWED)
+            grasps, frame = fields.grasps, frame if fields.tool_frame is UNSET else fields.tool_frame
     except DocumentError as error:
         raise DocumentError(f"{field}: {found.name}: {error}") from None
-    own = item.tool_frame if fields.tool_frame is UNSET else fields.tool_frame
-    return _kept(fields.grasps, _frame(own))
+    _check_places(grasps, _frame(frame), size_of(item), f"{field}: {found.name}")
+    return _kept(grasps, _frame(frame))
+
+
+def _check_places(
+    fields: list[GraspPoseFields], tool0: Float[np.ndarray, "4 4"], size: tuple[float, float, float], field: str
+) -> None:
+    """That some grasp of a file is near the object and isn't from below it: else they are of other frames.
+
+    Raises:
+        DocumentError: with the frames that were meant, as it seems.
+    """
+    given = np.stack([_matrix(each.position, each.rpy_degrees) for each in fields])
+    half = 0.5 * np.array(size)
+    away = np.linalg.norm(np.maximum(np.abs(given[:, :3, 3]) - half, 0.0), axis=1)
+    if np.all(away > _FAR_M):
+        found = f"no grasp nearer to the object than {away.min():.2f} m"
+        raise field_error(field, found, "are poses in the object's frame, from its box's centre, not a room's")
+    tools = given @ tool0
+    if np.all((tools[:, 2, 2] > _UPWARD) & (tools[:, 2, 3] < -half[2] - _BELOW_M)):
+        allowed = "are tool frames whose z is the way the gripper comes (where theirs points back, turn tool_frame by "
+        raise field_error(field, "every grasp to come from below the object", f"{allowed}rpy_degrees: [180, 0, 0])")
 
 
 def grasp_document(grasps: Grasps) -> list[GraspPoseFields]:

@@ -144,6 +144,33 @@ def test_what_is_wrong_with_files_is_said(folder):
     assert said(folder, "part.yaml").startswith("objects[2].grasps: part.yaml: format: found 'basenet-grasps/2'")
 
 
+def test_grasps_of_other_frames_are_known_by_where_they_are(folder):
+    """Those of a room's frame are far away, those of a frame whose z points back at the wrist come from below."""
+    above = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (3, 1, 1))  # the tips at the object's top, z down
+    above[:, :3, 3] = [0.0, 0.0, 0.05]
+    back = above @ np.diag([1.0, -1.0, -1.0, 1.0])
+    tips = {"position": [0.0, 0.0, 0.2], "rpy_degrees": [0, 0, 0]}
+    turned = tips | {"rpy_degrees": [180, 0, 0]}
+    np.save(folder / "part.npy", above)
+    np.testing.assert_allclose(read(load(folder, "part.npy", tool_frame=tips))[:, 2, 3], 0.25, atol=1e-6)
+    np.save(folder / "part.npy", back)
+    found = said(folder, "part.npy", tool_frame=tips)
+    assert found.startswith(
+        "objects[2].grasps: part.npy: found every grasp to come from below the object, allowed are tool frames"
+    )
+    assert found.endswith("turn tool_frame by rpy_degrees: [180, 0, 0])")
+    np.testing.assert_allclose(read(load(folder, "part.npy", tool_frame=turned))[:, 2, 3], 0.25, atol=1e-6)
+    one = back.copy()
+    one[1] = above[1]
+    np.save(folder / "part.npy", one)
+    load(folder, "part.npy", tool_frame=tips)  # one will do
+    above[:, 0, 3] = 0.9
+    np.save(folder / "part.npy", above)
+    found = said(folder, "part.npy", tool_frame=tips)
+    assert found.startswith("objects[2].grasps: part.npy: found no grasp nearer to the object than 0.88 m, allowed are")
+    load(folder, [{"position": [0.9, 0.0, 0.0], "rpy_degrees": [180, 0, 0]}])  # what was written by hand is meant
+
+
 def test_a_tool_frame_is_for_grasps_of_ones_own(folder):
     room = content()
     room["objects"][0]["tool_frame"] = {"position": [0, 0, 0.1], "rpy_degrees": [0, 0, 0]}
