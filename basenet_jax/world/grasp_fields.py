@@ -19,7 +19,7 @@ GRASPS_FORMAT = "basenet-grasps/1"
 KEPT = 16  # of an object's grasps: planning looks at so many
 _MAX_BYTES = 1024 * 1024
 _FAR_M = 0.75  # farther from an object's box no gripper's frame is
-_UPWARD, _BELOW_M = 0.2, 0.02  # the z of a tool that comes from below, and how far below the box it is
+_UPWARD, _BELOW_M = 0.2, 0.02  # the z of the z axis of a tool that comes from below, and how far below the box it is
 _ORTHONORMAL = 1e-3  # how far the columns of a matrix may be from a rotation's
 
 _ALLOWED = {
@@ -92,7 +92,7 @@ def read_grasps(
 def _check_places(
     fields: list[GraspPoseFields], tool0: Float[np.ndarray, "4 4"], size: tuple[float, float, float], field: str
 ) -> None:
-    """That some grasp of a file is near the object and isn't from below it: else they are of other frames.
+    """That some grasp of a file is near the object, and that most aren't from below it: else they are of other frames.
 
     Raises:
         DocumentError: with the frames that were meant, as it seems.
@@ -104,9 +104,12 @@ def _check_places(
         found = f"no grasp nearer to the object than {away.min():.2f} m"
         raise field_error(field, found, "are poses in the object's frame, from its box's centre, not a room's")
     tools = given @ tool0
-    if np.all((tools[:, 2, 2] > _UPWARD) & (tools[:, 2, 3] < -half[2] - _BELOW_M)):
+    up, below = tools[:, 2, 2], tools[:, 2, 3] < -half[2] - _BELOW_M
+    if np.all(up > -_UPWARD) and np.mean((up > _UPWARD) & below) > 0.5:
         allowed = "are tool frames whose z is the way the gripper comes (where theirs points back, turn tool_frame by "
-        raise field_error(field, "every grasp to come from below the object", f"{allowed}rpy_degrees: [180, 0, 0])")
+        raise field_error(
+            field, "grasps from below the object and none from above", f"{allowed}rpy_degrees: [180, 0, 0])"
+        )
 
 
 def grasp_document(grasps: Grasps) -> list[GraspPoseFields]:

@@ -1,5 +1,6 @@
 """Grasps that a detector found for scanned objects, brought in as the documentation says, planned and judged."""
 
+import json
 import re
 from pathlib import Path
 
@@ -55,8 +56,8 @@ def write_room(folder, tool_frame=BACK, *, own_frame=True):
     robot = {"model": "ur5e_mobile", "start": [3.0, 1.0, 3.0]}
     floor = [-2.0, -2.0, 4.0, 4.0]
     room = {"format": "basenet-scene/2", "floor": floor, "surfaces": [table], "robot": robot, "objects": objects}
-    (folder / "room.yaml").write_text(yaml.safe_dump(room))
-    return folder / "room.yaml"
+    (folder / "room.json").write_text(json.dumps(room))
+    return folder / "room.json"
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +84,7 @@ def test_what_is_left_out_of_the_recipe_is_said(tmp_path):
     with pytest.raises(SceneFileError, match=r"objects\[\d\].grasps: 0.*npy: found no grasp nearer .* not a room's"):
         bn.load_scene(write_room(tmp_path, own_frame=False))
     with pytest.raises(
-        SceneFileError, match=r"found every grasp to come from below the object, .* rpy_degrees: \[180, 0, 0\]"
+        SceneFileError, match=r"found grasps from below the object and none from above, .* rpy_degrees: \[180, 0, 0\]"
     ):
         bn.load_scene(write_room(tmp_path, BACK | {"rpy_degrees": [0.0, 0.0, 0.0]}))
 

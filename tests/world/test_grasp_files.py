@@ -156,14 +156,14 @@ def test_grasps_of_other_frames_are_known_by_where_they_are(folder):
     np.save(folder / "part.npy", back)
     found = said(folder, "part.npy", tool_frame=tips)
     assert found.startswith(
-        "objects[2].grasps: part.npy: found every grasp to come from below the object, allowed are tool frames"
+        "objects[2].grasps: part.npy: found grasps from below the object and none from above, allowed are tool frames"
     )
     assert found.endswith("turn tool_frame by rpy_degrees: [180, 0, 0])")
     np.testing.assert_allclose(read(load(folder, "part.npy", tool_frame=turned))[:, 2, 3], 0.25, atol=1e-6)
     one = back.copy()
     one[1] = above[1]
     np.save(folder / "part.npy", one)
-    load(folder, "part.npy", tool_frame=tips)  # one will do
+    load(folder, "part.npy", tool_frame=tips)  # one from above will do
     above[:, 0, 3] = 0.9
     np.save(folder / "part.npy", above)
     found = said(folder, "part.npy", tool_frame=tips)
