@@ -285,7 +285,9 @@ def plot_plan(
     from basenet_jax import plots  # Matplotlib takes half a second to import
 
     outcome = execute(scene, plan, robot=robot, world=world, drive_times=drive_times)
-    return plots.plot_plan(_robot(robot, scene), _arrays(scene), plan, outcome, navigation=world.navigation)
+    names = scene.names if isinstance(scene, NamedScene) else None
+    own = _robot(robot, scene)
+    return plots.plot_plan(own, _arrays(scene), plan, outcome, names=names, navigation=world.navigation)
 
 
 def export_plan(

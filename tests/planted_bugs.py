@@ -244,6 +244,18 @@ BUGS = (
         "planners/test_map_candidates.py",
     ),
     _bug(
+        "the map of any grasp takes the base's middle for the arm's axis",
+        "base_pose[..., 1] + sine * grasp_map.axis[0] + cosine * grasp_map.axis[1] - y",
+        "base_pose[..., 1] - y",
+        "planners/test_grasp_map.py",
+    ),
+    _bug(
+        "heights in the map of any grasp are rounded down",
+        "row = jnp.round(height / shape.step_m) - shape.lowest",
+        "row = jnp.floor(height / shape.step_m) - shape.lowest",
+        "planners/test_grasp_map.py",
+    ),
+    _bug(
         "a plan holds however long its picks take",
         "(jnp.abs(exact - thought) <= TOLERANCE_S)",
         "jnp.isfinite(exact)",

@@ -4,12 +4,14 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, PathPatch, Polygon
 from matplotlib.path import Path
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 from basenet_jax.config import NavigationConfig
 from basenet_jax.plots.arm_reach import arm_reach
@@ -17,7 +19,7 @@ from basenet_jax.robot.model import Robot
 from basenet_jax.task.drives import OwnDrives, make_drives
 from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.world.boxes import Room
-from basenet_jax.world.scene import OBJECT_CLASSES, Scene
+from basenet_jax.world.scene import OBJECT_CLASSES, SIDE_BACK_M, Scene
 
 # Okabe and Ito's palette, told apart with any colour vision: one colour for each class, the last for users' own.
 CLASS_COLORS = ("#D55E00", "#56B4E9", "#F0E442", "#009E73", "#CC79A7", "#999999")
@@ -25,6 +27,7 @@ CLASS_NAMES = (*(kind.name.replace("_", " ") for kind in OBJECT_CLASSES), "own c
 BASE, PATH, PICK, FAILED, REACH = "#1B3A5C", "#7A93AC", "#8C8C8C", "#B00020", "#0072B2"
 _BASE_FACE = (0.11, 0.23, 0.36, 0.16)
 _REACH_ALPHA = 0.10
+_STEEP_M = 0.02  # of a grasp's way, seen from above, below which only the gripper is drawn
 _AROUND_M = 2.0  # that is shown of a map round what stands on it
 _SURFACE: dict[str, Any] = {"fc": "#EFE6D8", "ec": "#8A7A60", "zorder": 1}
 _SOLID: dict[str, Any] = {"fc": "#B9BCC0", "ec": "#6F7378", "zorder": 0.9}
@@ -129,6 +132,14 @@ def stops_of(plan: Plan, outcome: Outcome) -> dict[tuple[float, ...], list[int]]
     return stops
 
 
+def _tools(scene: Scene, plan: Plan, outcome: Outcome) -> Float[np.ndarray, "M 6"]:
+    """tool0 in W at the grasp by which each object is picked, or else its first: x, y, z, roll, pitch, yaw."""
+    index = np.zeros(len(scene.mask), int)
+    picked = np.asarray(outcome.feasible)
+    index[np.asarray(plan.object_index)[picked]] = np.asarray(outcome.grasp)[picked]
+    return np.asarray(scene.grasps.pose, float)[np.arange(len(index)), index]
+
+
 def _mount(robot: Robot, pose: ArrayLike) -> np.ndarray:
     return to_world(pose, np.asarray(robot.mount_position)[None, :2])[0]
 
@@ -138,7 +149,7 @@ def _draw_reach(axes: Axes, robot: Robot, scene: Scene, plan: Plan, outcome: Out
 
     What isn't grasped doesn't count: it may be lower than the arm reaches anywhere.
     """
-    heights = np.asarray(scene.first_grasp)[plan.object_index[outcome.feasible], 2]
+    heights = _tools(scene, plan, outcome)[plan.object_index[outcome.feasible], 2]
     reach = arm_reach(robot, float(np.min(heights))) if len(heights) else None
     if reach is None:
         return
@@ -154,14 +165,17 @@ def _draw_reach(axes: Axes, robot: Robot, scene: Scene, plan: Plan, outcome: Out
 
 
 def _draw_objects(axes: Axes, scene: Scene, plan: Plan, outcome: Outcome, size: float) -> None:
-    """Rectangles by class, their grasps, and the number of the step that picks them."""
+    """Rectangles by class, their grasps with the way of those that don't come from above, and the steps' numbers."""
+    tools = _tools(scene, plan, outcome)
     for slot in np.flatnonzero(scene.mask):
         pose, extent = scene.object_pose[slot], scene.object_size[slot]
         color = CLASS_COLORS[int(scene.object_class[slot])]
         axes.add_patch(Polygon(rectangle(pose, extent[:2] / 2), fc=color, ec="black", lw=0.8, zorder=3))
-        x, y, _, yaw = scene.first_grasp[slot]
-        span = 0.05 * np.array([-np.sin(yaw), np.cos(yaw)])
-        axes.plot([x - span[0], x + span[0]], [y - span[1], y + span[1]], color="black", lw=1.6, zorder=4)
+        place, axes_of_tool = tools[slot, :2], Rotation.from_euler("ZYX", tools[slot, :2:-1]).as_matrix()[:2]
+        span, way = 0.05 * axes_of_tool[:, 1], SIDE_BACK_M * axes_of_tool[:, 2]
+        axes.plot(*np.stack([place - span, place + span], axis=1), color="black", lw=1.6, zorder=4)
+        if np.hypot(*way) > _STEEP_M:
+            axes.plot(*np.stack([place, place + way], axis=1), color="black", lw=0.8, zorder=4)
         for step in np.flatnonzero(plan.object_index == slot):
             failed = not outcome.feasible[step]
             if failed:
@@ -178,13 +192,14 @@ def _draw_stops(
     _draw_base(axes, robot, scene.robot_start, hollow=True)
     _write(axes, scene.robot_start, "start", size)
     before, drives = scene.robot_start, make_drives(robot, scene.room, navigation)
+    tools = _tools(scene, plan, outcome)
     for step in np.flatnonzero(outcome.is_step & plan.served):
         pose = plan.base_pose[step]
         if float(outcome.navigation_time[step]) > 0:
             path = _path(robot, drives, np.asarray(before), np.asarray(pose))
             axes.plot(path[:, 0], path[:, 1], color=PATH, lw=1.4, ls=(0, (5, 2)), zorder=2)
             before = pose
-        grasp, mount = scene.first_grasp[plan.object_index[step]], _mount(robot, pose)
+        grasp, mount = tools[plan.object_index[step]], _mount(robot, pose)
         if outcome.feasible[step]:
             axes.plot([mount[0], grasp[0]], [mount[1], grasp[1]], color=PICK, lw=0.8, zorder=2)
     stops = stops_of(plan, outcome)

@@ -19,7 +19,7 @@ from basenet_jax.task.picking import Reason, pick
 from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.world.boxes import UNBOUNDED, Boxes, Room
 from basenet_jax.world.generate import draw_scene
-from basenet_jax.world.grasps import top_down
+from basenet_jax.world.grasps import from_the_side, of_objects, top_down
 from tests.regrasp import regrasp
 
 STOPS = jnp.array([[0.3, -0.9, 0.1], [0.3, -0.9, 0.1], [0.5, 0.95, 3.0], [0.0, 0.0, 0.0]])
@@ -53,6 +53,30 @@ def test_a_plan_is_drawn_with_shared_stops_numbers_and_totals(robot, scene):
     rectangles = [patch for patch in figure.axes[0].patches if isinstance(patch, Polygon)]
     assert len(rectangles) == 1 + 3 + 3, "table, objects, start and two stops"
     assert [line.split()[-2:] for line in steps_beside(figure)[1:]] == [["6.0", "9.0"], ["0.0", "9.0"], ["12.0", "9.0"]]
+
+
+def test_of_many_grasps_the_one_that_is_used_is_drawn_and_the_way_it_comes(robot, scene):
+    """Of one from above, as always, the gripper alone."""
+    side = from_the_side(3, 0.2)
+    many = dataclasses.replace(scene, object_grasps=of_objects([side] * 4))
+    plan, outcome = plan_and_outcome([True, True, False])
+    outcome = dataclasses.replace(outcome, grasp=jnp.array([2, 1, -1, -1]))
+    drawn: list[Any] = [line.get_xydata() for line in plot_plan(robot, many, plan, outcome).axes[0].lines]
+    long = [
+        line for line in drawn if len(line) == 2 and np.ptp(line, axis=0).max() > 0.01
+    ]  # a level gripper's is a dot
+    used = {2: 2, 0: 1, 1: 0}  # slot: grasp; the one that fails keeps its first
+    tools = np.asarray(many.grasps.pose)[:, :, :2]
+    for slot, index in used.items():
+        way = [line for line in long if np.allclose(line[0], tools[slot, index], atol=1e-5)]
+        assert len(way) == 1
+        centre = np.asarray(scene.object_pose)[slot, :2]
+        along = way[0][1] - tools[slot, index]
+        assert along @ (centre - tools[slot, index]) == pytest.approx(0.25 * 0.2, abs=1e-4), "towards the object"
+    ends = [line[1] for line in long]
+    assert sum(np.allclose(end, tools[2, 2], atol=1e-5) for end in ends) == 1, "the pick's line leads there"
+    alone = plot_plan(robot, scene, *plan_and_outcome([True, True, True])).axes[0].lines
+    assert len(alone) == len(drawn) - 3 - 1 + 1, "three ways and the cross less, a pick more"
 
 
 def test_names_stand_in_the_list_of_steps_long_ones_cut(robot, scene):
