@@ -92,7 +92,7 @@ class PickConfig(Settings):
     """How far from its goal the tool may be turned in the end."""
     max_descent_step_rad: Positive = 0.5
     """Of any joint, between neighbouring waypoints of the descent."""
-    object_in_the_way: Switch = "off"
+    object_in_the_way: Switch = "by-room"
     """Whether arm and gripper must not touch objects that still stand."""
     arm_hits_itself: Switch = "by-room"
     """Whether links that aren't neighbours, and the pedestal, must not touch."""

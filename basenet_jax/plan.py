@@ -19,9 +19,6 @@ if TYPE_CHECKING:
     from basenet_jax.world.scene import NamedScene
 
 
-_CLUTTER = "objects beside the one that is picked aren't looked at yet, and may be in the way"
-
-
 @dataclass(frozen=True, kw_only=True)
 class Arguments(PlannerArguments, UncertaintyArguments):
     """Plans where the robot parks and in which order it picks the objects of a scene, and prints the plan.
@@ -118,8 +115,6 @@ def _plan(options: Arguments, world: WorldConfig) -> int:
         check_table_pose(scene, options.table_pose)
         if scene.written_for:
             print(f"basenet_jax.plan: {options.scene} names the robot {scene.written_for}, not this", file=sys.stderr)
-        if scene.furniture is not None and scene.furniture.clutter:
-            print(f"basenet_jax.plan: {options.scene}: {_CLUTTER}", file=sys.stderr)
         times = load_drive_times(options.drive_times) if options.drive_times else None
         made_for = {"robot": scene.robot, "room": scene.arrays.room, "world": world, "grid": options.grid}
         made_for |= {"drive_times": times, "uncertainty": options.given_uncertainty()}

@@ -29,7 +29,7 @@ from basenet_jax.policies.stop_policy import StopPolicy, StopScene, make_scene
 from basenet_jax.policies.stop_rollout import StopPlan, cheapest, choose_best, plan_of, plans_of, play, repeated, sample
 from basenet_jax.policies.trained import load_stops
 from basenet_jax.robot.model import Robot
-from basenet_jax.task.picking import Reason
+from basenet_jax.task.picking import Reason, Rules
 from basenet_jax.task.plan import Outcome, Plan, compiled_execute
 from basenet_jax.task.prepared_world import PreparedWorld, compiled_first_drives, prepare_world
 from basenet_jax.task.reliability import Chance, actual_picks, compiled_plan_reliability
@@ -77,6 +77,7 @@ class BaSeNet:
         self._made_for = _MadeFor(setup.robot, setup.room, params, setup.chance)
         samples = options.samples if isinstance(options, SampleOptions) else 0
         self._program = _Program(policy or StopPolicy(), samples, setup.world)
+        self._cluttered = Rules.of(setup.world.pick, setup.room).object_in_the_way
         self._prepared = setup.aligned_stops(options.aligned)
 
     @property
@@ -88,8 +89,11 @@ class BaSeNet:
         """See `Planner`; the key is ignored by a single greedy rollout.
 
         What `settle` does for a batch in one program is done here by small ones, which compile side by side and are
-        shared with whoever judges plans.
+        shared with whoever judges plans. Where objects are in each other's way, nothing is estimated: nearly every
+        plan would wait for what stands before something.
         """
+        if self._cluttered:
+            return self._plan_checked(scene, key)
         made_for = self._made_for
         problem = _estimate(made_for.robot, self._prepared, scene, made_for.chance, config=self._program.world.pick)
         proposal = self._settle(scene, problem, _play_greedily)
@@ -102,6 +106,8 @@ class BaSeNet:
     def preparations(self, scene: Scene) -> Sequence[Callable[[], object]]:
         """What makes the programs for scenes of this shape ready, to be run by `compilation.together`."""
         program, made_for, prepared = self._program, self._made_for, self._prepared
+        if self._cluttered:
+            return self._preparations_in_clutter(scene)
         stops, slots = len(prepared.poses), len(scene.mask)
         costs: Any = (np.zeros((stops, slots), np.float32), np.zeros(stops, np.float32), np.asarray(scene.mask))
         problem = make_problem(prepared.poses, prepared.drive, *costs, numpy=np)
@@ -149,8 +155,11 @@ class BaSeNet:
         return dataclasses.replace(outcome, feasible=outcome.feasible & sure)
 
     def plan_batch(self, scenes: Scene, key: Array) -> Plan:
-        """Plans a batch of scenes in one program; see `BatchPlanner`."""
+        """Plans a batch of scenes in one program, or one by one in clutter; see `BatchPlanner`."""
         keys = jax.random.split(key, len(scenes.mask))
+        if self._cluttered:
+            rows = [jax.tree.map(lambda x, row=row: x[row], (scenes, keys)) for row in range(len(keys))]
+            return jax.tree.map(lambda *plans: jnp.stack(plans), *(self._plan_checked(*row) for row in rows))
 
         def plan_part(scenes: Scene, keys: Array) -> tuple[Plan, Array]:
             return _plan_apart(self._devices, self._program, self._made_for, scenes, self._prepared, keys)
@@ -167,22 +176,28 @@ class BaSeNet:
 
         The drives between all of them are millions, which are costed for nothing where the grid doesn't help.
         """
-        setup = self._setup
-        aligned, grid = (
-            check_candidates(setup.robot, scene, poses, world=setup.world, pairs_at_once=_PAIRS)
-            for poses in (self._prepared.poses, setup.grid_poses)
-        )
-        if setup.docked is not None:
-            firsts = (
-                compiled_first_drives(setup.robot, stops, scene.robot_start)
-                for stops in (self._prepared, setup.grid_stops)
-            )
-            aligned, grid = map(only_reachable, (aligned, grid), firsts)
+        aligned, grid = self._check(scene, self._prepared), self._check(scene, self._setup.grid_stops)
         both, missed = join(aligned, grid), ~jnp.any(aligned.serves, axis=0)
-        if bool(jnp.any(grid.serves & missed)):
-            candidates, prepared = both, self._prepare(both.base_pose)
-        else:
-            candidates, prepared = dataclasses.replace(aligned, reason=both.reason), self._prepared
+        if bool(jnp.any(both.serves & missed)):
+            return self._play(scene, both, self._prepare(both.base_pose), key)
+        return self._play(scene, dataclasses.replace(aligned, reason=both.reason), self._prepared, key)
+
+    def _plan_checked(self, scene: Scene, key: Array) -> Plan:
+        """A plan over the aligned stops, all of whose picks are checked in full beforehand."""
+        aligned = self._check(scene, self._prepared)
+        if bool(jnp.all(jnp.any(aligned.serves, axis=0) | ~scene.mask)):
+            return self._play(scene, aligned, self._prepared, key)
+        return self._plan_everywhere(scene, key)
+
+    def _check(self, scene: Scene, stops: PreparedWorld) -> Candidates:
+        setup = self._setup
+        candidates = check_candidates(setup.robot, scene, stops.poses, world=setup.world, pairs_at_once=_PAIRS)
+        if setup.docked is None:
+            return candidates
+        return only_reachable(candidates, compiled_first_drives(setup.robot, stops, scene.robot_start))
+
+    def _play(self, scene: Scene, candidates: Candidates, prepared: PreparedWorld, key: Array) -> Plan:
+        setup = self._setup
         if setup.chance is not None:
             candidates = reliable(setup.robot, scene, candidates, setup.chance, world=setup.world)
         problem = _problem_of(setup.robot, prepared, scene, candidates)
@@ -191,6 +206,19 @@ class BaSeNet:
             visited = _sample(self._made_for.params, scene, problem, key, program=self._program)
             return _take_cheapest(self._made_for.params, scene, problem, nothing, visited, program=self._program).plan
         return _play_greedily(self._made_for.params, scene, problem, nothing, program=self._program).plan
+
+    def _preparations_in_clutter(self, scene: Scene) -> Sequence[Callable[[], object]]:
+        setup, prepared = self._setup, self._prepared
+        judged = (setup.robot, scene, no_plan(scene), setup.docked)
+        tasks = [
+            partial(compiled_execute.prepare, *judged, config=setup.world),
+            partial(
+                check_candidates.prepare, setup.robot, scene, prepared.poses, world=setup.world, pairs_at_once=_PAIRS
+            ),
+        ]
+        if setup.docked is not None:
+            tasks.append(partial(compiled_first_drives.prepare, setup.robot, prepared, scene.robot_start))
+        return tasks
 
     def _prepare(self, poses: Float[Array, "K 3"]) -> PreparedWorld:
         return prepare_world(self._setup.robot, self._setup.drives, poses)
@@ -248,7 +276,7 @@ def _estimate(
 def _problem_of(robot: Robot, prepared: PreparedWorld, scene: Scene, candidates: Candidates) -> StopProblem:
     """The problem with pick times that were checked, at the candidates that the world was prepared for."""
     first_drive = prepared.first_drives(robot, scene.robot_start[None])[0]
-    costs = (candidates.pick_time, first_drive, scene.mask, candidates.reason)
+    costs = (candidates.pick_time, first_drive, scene.mask, candidates.reason, candidates.clutter)
     return make_problem(prepared.poses, prepared.drive, *costs)
 
 
@@ -285,7 +313,12 @@ def _compare(proposal: _Proposal, outcome: Outcome) -> tuple[Bool[Array, ""], _K
 
 
 def _corrected(scene: Scene, problem: StopProblem, known: _Known) -> StopProblem:
-    """The problem with the pick times that are known; objects that no stop serves any more are left out."""
+    """The problem with the pick times that are known; objects that no stop serves any more are left out.
+
+    In clutter all are known beforehand.
+    """
+    if problem.clutter is not None:
+        return problem
     times = problem.pick_time.at[known.stop, known.slot].set(jnp.asarray(known.time), mode="drop")
     reason = jnp.where(problem.mask, int(Reason.OUT_OF_REACH), problem.reason)
     return make_problem(problem.poses, problem.drive, times, problem.first_drive, scene.mask, reason)
@@ -355,10 +388,10 @@ def _plan_apart(
 
 
 def _as_plan(scene: Scene, problem: StopProblem, stops: StopPlan) -> tuple[Plan, Int[Array, " M"]]:
-    """One step for each object, by its visit; those not served come last. And each step's stop."""
+    """One step for each object, by its visit and turn; those not served come last. And each step's stop."""
     last = len(scene.mask)
     visit = jnp.where(stops.picked_at >= 0, stops.picked_at, jnp.where(scene.mask, last, last + 1))
-    order = jnp.argsort(visit, stable=True)
+    order = jnp.lexsort((stops.turn, visit))
     served = visit[order] < last
     reason = jnp.where(problem.mask, int(Reason.UNREACHABLE), problem.reason)[order]  # of those that no visit serves
     stop = jnp.maximum(stops.stops[jnp.minimum(visit[order], last - 1)], 0)

@@ -1,5 +1,6 @@
 """Base poses that planners choose from, and which objects can be picked from each."""
 
+import dataclasses
 import math
 from collections.abc import Callable
 from functools import partial
@@ -16,7 +17,8 @@ from basenet_jax.compilation import Stored
 from basenet_jax.config import GridConfig, PickConfig, WorldConfig
 from basenet_jax.robot.kinematics import reach_sphere
 from basenet_jax.robot.model import Robot
-from basenet_jax.task.picking import Reason, estimate_pick_time, pick
+from basenet_jax.task.clutter import Clutter, as_bits, obtainable
+from basenet_jax.task.picking import Reason, Rules, estimate_pick_time, pick, ways_to_pick
 from basenet_jax.trigonometry import sin_cos
 from basenet_jax.world.boxes import Room
 from basenet_jax.world.clearance import compiled_base_collides
@@ -24,6 +26,7 @@ from basenet_jax.world.grasps import Grasps
 from basenet_jax.world.scene import Scene
 
 PAIRS_AT_ONCE = 9_216  # of pose and object, checked in one round: all that are near in most scenes of ten objects
+WAYS = 3  # kept for each pair where objects are in each other's way: the fastest, and the one that needs fewest gone
 REACH_MARGIN = 0.005  # m: covers a converged solution's position error and rounding
 
 
@@ -36,6 +39,15 @@ class Candidates:
     pick_time: Float[Array, "K M"]  # s; infinite where it can't; 0 where it can but is not computed
     reason: Int[Array, " M"]  # a `Reason`: for an object that no pose serves, the rule reached farthest
     first_drive: Float[Array, " K"] | None = None  # s, from the robot's start, where `only_reachable` looked at it
+    clutter: Clutter | None = (
+        None  # where objects are in each other's way; the others' fields are with all gone that can
+    )
+
+    def times_among(self, standing: Bool[Array, " M"]) -> Float[Array, "K M"]:
+        """Pick times (s) while these objects stand; infinite where the pose can't serve the object yet."""
+        if self.clutter is not None:
+            return self.clutter.times_among(standing)
+        return jnp.where(self.serves, self.pick_time, jnp.inf)
 
 
 def grid_poses(
@@ -80,7 +92,7 @@ def check_candidates(
     world: WorldConfig = WorldConfig(),
     pairs_at_once: int = PAIRS_AT_ONCE,
 ) -> Candidates:
-    """Validates and costs all pairs of pose and object by `pick`.
+    """Validates and costs all pairs of pose and object by `pick`, or where rule 5 holds by `ways_to_pick`.
 
     Only pairs within the arm's reach, some 15 % on the paper's grid, are looked at in full.
 
@@ -93,25 +105,57 @@ def check_candidates(
     """
     poses, grasps = jnp.asarray(base_pose), scene.grasps
     near = may_reach(robot, poses[:, None], grasps) & scene.mask
-    slots = len(scene.mask)
+    slots, objects = len(scene.mask), scene.object_boxes
+    cluttered = Rules.of(world.pick, scene.room).object_in_the_way
+
+    def check(pair: Int[Array, " P"]) -> tuple[Array, ...]:
+        pose, slot = jnp.divmod(pair, slots)
+        if not cluttered:
+            picks = pick(robot, poses[pose], grasps[slot], scene.room, world.pick)
+            return jnp.where(picks.feasible, picks.time, jnp.inf), picks.reason
+        others = jax.tree.map(lambda x: jnp.broadcast_to(x, (len(pair), *x.shape)), objects)
+        own = slot[:, None] == jnp.arange(slots)
+        others = dataclasses.replace(others, blocks_arm=others.blocks_arm & ~own)
+        ways = ways_to_pick(robot, poses[pose], grasps[slot], scene.room, others, world.pick, ways=WAYS)
+        return ways.time, ways.reason, as_bits(ways.blockers)
+
+    reason = jnp.full(near.shape, int(Reason.OUT_OF_REACH), jnp.int32)
+    times = jnp.full((*near.shape, WAYS) if cluttered else near.shape, jnp.inf)
+    nothing: tuple[Array, ...] = (times, reason)
+    if cluttered:
+        nobody = as_bits(jnp.zeros(slots, bool))
+        nothing = (*nothing, jnp.broadcast_to(nobody, (*times.shape, len(nobody))))
     if not near.size:
         unserved = jnp.full(slots, int(Reason.BASE_COLLIDES), jnp.int32)
-        return Candidates(poses, near, jnp.zeros(near.shape), unserved)
-
-    def check(pair: Int[Array, " P"]) -> tuple[Array, Array]:
-        pose, slot = jnp.divmod(pair, slots)
-        picks = pick(robot, poses[pose], grasps[slot], scene.room, world.pick)
-        return jnp.where(picks.feasible, picks.time, jnp.inf), picks.reason
-
-    nothing = (jnp.full(near.shape, jnp.inf), jnp.full(near.shape, int(Reason.OUT_OF_REACH), jnp.int32))
-    time, reason = _where(near, check, nothing, pairs_at_once)
-    serves = jnp.isfinite(time)
+        return Candidates(poses, near, jnp.zeros(near.shape), unserved, clutter=_as_clutter(nothing))
+    checked = _where(near, check, nothing, pairs_at_once)
+    clutter = _as_clutter(checked)
+    time = checked[0] if clutter is None else _with_all_gone(clutter)
     return Candidates(
         base_pose=poses,
-        serves=serves,
+        serves=jnp.isfinite(time),
         pick_time=time,
-        reason=jnp.where(jnp.any(serves, axis=0), Reason.NONE, jnp.max(reason, axis=0)),
+        reason=_reason(jnp.max(checked[1], axis=0), time, clutter),
+        clutter=clutter,
     )
+
+
+def _as_clutter(checked: tuple[Array, ...]) -> Clutter | None:
+    return Clutter(checked[0], checked[2]) if len(checked) > 2 else None
+
+
+def _with_all_gone(clutter: Clutter) -> Float[Array, "K M"]:
+    """Pick times (s) with all objects gone that any order of picks can have, from anywhere."""
+    everywhere = jnp.ones(clutter.time.shape[0], bool)
+    return clutter.times_among(~obtainable(clutter, everywhere))
+
+
+def _reason(farthest: Int[Array, " M"], time: Float[Array, "K M"], clutter: Clutter | None) -> Int[Array, " M"]:
+    """Of objects that no pose serves: the rule reached farthest, or what stays in the way of all ways to pick it."""
+    if clutter is not None:
+        has_way = jnp.any(jnp.isfinite(clutter.time), axis=(0, 2))
+        farthest = jnp.where(has_way, int(Reason.OBJECT_IN_THE_WAY), farthest)
+    return jnp.where(jnp.any(jnp.isfinite(time), axis=0), int(Reason.NONE), farthest)
 
 
 @jax.jit
@@ -123,14 +167,22 @@ def only_reachable(candidates: Candidates, first_drive: Float[Array, " K"]) -> C
         first_drive: from where its robot starts to their poses (s).
     """
     reachable = jnp.isfinite(first_drive)[:, None]
-    serves = candidates.serves & reachable
-    lost = jnp.any(candidates.serves, axis=0) & ~jnp.any(serves, axis=0)
+    clutter, time = candidates.clutter, jnp.where(reachable, candidates.pick_time, jnp.inf)
+    lost = Reason.UNREACHABLE
+    if clutter is not None:
+        clutter = clutter.only(reachable)
+        time = _with_all_gone(clutter)
+        has_way = jnp.any(jnp.isfinite(clutter.time), axis=(0, 2))
+        lost = jnp.where(has_way, int(Reason.OBJECT_IN_THE_WAY), int(Reason.UNREACHABLE))
+    serves = candidates.serves & jnp.isfinite(time)
+    all_lost = jnp.any(candidates.serves, axis=0) & ~jnp.any(serves, axis=0)
     return Candidates(
         base_pose=candidates.base_pose,
         serves=serves,
-        pick_time=jnp.where(reachable, candidates.pick_time, jnp.inf),
-        reason=jnp.where(lost, Reason.UNREACHABLE, candidates.reason),
+        pick_time=time,
+        reason=jnp.where(all_lost, lost, candidates.reason),
         first_drive=first_drive,
+        clutter=clutter,
     )
 
 
@@ -178,22 +230,25 @@ def _where(
         values = compute(jnp.minimum(index, chosen.size - 1))
         return tuple(array.at[index].set(value, mode="drop") for array, value in zip(arrays, values, strict=True))
 
-    flat = tuple(array.ravel() for array in otherwise)
+    flat = tuple(array.reshape(chosen.size, *array.shape[chosen.ndim :]) for array in otherwise)
     filled = rounds.over_chosen(chosen.ravel(), fill, flat, min(at_once, chosen.size))
-    return tuple(array.reshape(chosen.shape) for array in filled)
+    return tuple(array.reshape(*chosen.shape, *array.shape[1:]) for array in filled)
 
 
 def join(first: Candidates, second: Candidates) -> Candidates:
     """The candidates of both, for one scene."""
-    poses, serves, pick_time = (
-        jnp.concatenate([getattr(each, name) for each in (first, second)])
-        for name in ("base_pose", "serves", "pick_time")
+    poses, serves, pick_time, clutter = (
+        jax.tree.map(lambda *both: jnp.concatenate(both), *(getattr(each, name) for each in (first, second)))
+        for name in ("base_pose", "serves", "pick_time", "clutter")
     )
+    if clutter is not None:  # what one can't have for something in the way, it may where the other takes that away
+        pick_time = _with_all_gone(clutter)
+        serves = jnp.isfinite(pick_time)
     farthest = jnp.maximum(first.reason, second.reason)
     known = None
     if first.first_drive is not None and second.first_drive is not None:
         known = jnp.concatenate([first.first_drive, second.first_drive])
-    return Candidates(poses, serves, pick_time, jnp.where(jnp.any(serves, axis=0), Reason.NONE, farthest), known)
+    return Candidates(poses, serves, pick_time, _reason(farthest, pick_time, clutter), known, clutter)
 
 
 def may_reach(robot: Robot, base_pose: Float[Array, "*batch 3"], grasps: Grasps) -> Bool[Array, "*batch"]:

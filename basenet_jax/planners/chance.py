@@ -123,7 +123,9 @@ def reliable(
     if fine:
         tried = try_pairs(*about, allowed=chance.allowed, at_least=tried.failed)
     serves = reliable_pairs(tried, chosen, chance.allowed, draws)
-    return dataclasses.replace(candidates, serves=serves, pick_time=jnp.where(serves, candidates.pick_time, jnp.inf))
+    pick_time = jnp.where(serves, candidates.pick_time, jnp.inf)
+    clutter = None if candidates.clutter is None else candidates.clutter.only(serves)
+    return dataclasses.replace(candidates, serves=serves, pick_time=pick_time, clutter=clutter)
 
 
 def shortfall(robot: Robot, scene: Scene, plan: Plan, outcome: Outcome, chance: Chance, config: PickConfig) -> float:

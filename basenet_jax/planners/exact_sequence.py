@@ -7,7 +7,8 @@ having picked S and then driven to q, obey
     arrival[S, q] = min_p cost[S, p] + drive[p, q],    arrival[{}, q] = first drive to q.
 
 The second line is the work: 2^N P^2 sums. Only arrivals are stored; the way back recomputes the costs that it needs.
-A set is the bits of an integer, which is its row in the table.
+A set is the bits of an integer, which is its row in the table. Where objects are in each other's way, `pick[p, o]` is
+the least over the ways that are open once S - o is gone.
 """
 
 import functools
@@ -20,6 +21,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jaxtyping import Float, Int
+
+from basenet_jax.task.clutter import Clutter
 
 _SETS_AT_ONCE = 32  # with a thousand poses their costs stay in a CPU core's cache
 _POSES_AT_ONCE = 16  # relaxed in one pass over those: each element is loaded and stored once for many sums
@@ -47,6 +50,7 @@ def best_sequence(
     first_drive: Float[Array, " P"],
     drive: Float[Array, "P P"],
     sets: Sets | None = None,
+    clutter: Clutter | None = None,
 ) -> tuple[Int[Array, " N"], Int[Array, " N"]]:
     """The cheapest way to pick all N objects, each from one of P poses.
 
@@ -55,15 +59,18 @@ def best_sequence(
         first_drive: from the robot's start to each pose (s).
         drive: from pose to pose (s), 0 for staying.
         sets: of the first objects, where only these are to be picked; then columns that are left out take no time.
+        clutter: the ways to pick, where objects are in each other's way; every object can be had in some order.
 
     Returns:
         Objects in order, and the pose of each; of fewer than N objects these are the last ones.
     """
-    picks = pick_time.T
-    count = len(picks)
+    picks = _Picks(pick_time.T[:, None], None)
+    if clutter is not None:  # so few objects are in one word
+        picks = _Picks(*(jnp.moveaxis(x, 0, -1) for x in (clutter.time, clutter.blockers[..., 0].astype(jnp.int32))))
+    count = pick_time.shape[1]
     sets = sets_of(count, count) if sets is None else sets
     chunks = jnp.asarray(sets.chunks)
-    arrival = jnp.full((2**count, len(first_drive)), jnp.inf, picks.dtype).at[0].set(first_drive)
+    arrival = jnp.full((2**count, len(first_drive)), jnp.inf, pick_time.dtype).at[0].set(first_drive)
 
     def extend(index: Array, arrival: Array) -> Array:
         cost = reduce(jnp.minimum, (_cost_if_last(arrival, picks, chunks[index], o) for o in range(count)))
@@ -74,7 +81,7 @@ def best_sequence(
     def step_back(carry: tuple[Array, Array], _: None) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
         """From a set and the pose of its last pick to those before it."""
         current, pose = carry
-        last = jnp.argmin(_costs_by_last(arrival[:, pose, None], picks[:, pose, None], current)[:, 0])
+        last = jnp.argmin(_costs_by_last(arrival[:, pose, None], picks.at(pose), current)[:, 0])
         before = current & ~(1 << last)
         cost = jnp.min(_costs_by_last(arrival, picks, before), axis=0)
         return (before, jnp.argmin(cost + drive[:, pose])), (last, pose)
@@ -97,16 +104,40 @@ def _sets_by_size(count: int) -> Int[np.ndarray, "chunks sets"]:
     return np.concatenate(chunks) if chunks else np.zeros((0, _SETS_AT_ONCE), int)
 
 
-def _cost_if_last(arrival: Array, picks: Array, sets: Int[Array, " sets"], last: int) -> Float[Array, "sets P"]:
+class _Picks(NamedTuple):
+    """N objects, A ways each, P poses."""
+
+    time: Float[Array, "N A P"]
+    blockers: Int[Array, "N A P"] | None
+
+    def at(self, pose: Int[Array, ""]) -> "_Picks":
+        """Those from one pose."""
+        return jax.tree.map(lambda x: x[..., pose, None], self)
+
+    def of(self, item: Int[Array, " N"] | int, gone: Int[Array, "*rows"]) -> Float[Array, "*rows P"]:
+        """Times of the fastest open ways to pick an object once a set is gone, for several sets."""
+        time, blockers = self.time[item], None if self.blockers is None else self.blockers[item]
+
+        def one_way(way: int) -> Array:
+            if blockers is None:
+                return time[..., way, :]
+            return jnp.where(blockers[..., way, :] & ~gone[..., None] == 0, time[..., way, :], jnp.inf)
+
+        return reduce(jnp.minimum, map(one_way, range(time.shape[-2])))
+
+
+def _cost_if_last(arrival: Array, picks: _Picks, sets: Int[Array, " sets"], last: int) -> Float[Array, "sets P"]:
     """Costs of sets whose last pick is the given object; infinite for sets without it."""
-    cost = arrival[sets & ~(1 << last)] + picks[last]
+    before = sets & ~(1 << last)
+    cost = arrival[before] + picks.of(last, before)
     return jnp.where(((sets >> last) & 1)[:, None] == 1, cost, jnp.inf)
 
 
-def _costs_by_last(arrival: Array, picks: Array, current: Int[Array, ""]) -> Float[Array, "N P"]:
+def _costs_by_last(arrival: Array, picks: _Picks, current: Int[Array, ""]) -> Float[Array, "N P"]:
     """Costs of one set for every last pick."""
-    objects = jnp.arange(len(picks))
-    cost = arrival[current & ~(1 << objects)] + picks
+    objects = jnp.arange(len(picks.time))
+    before = current & ~(1 << objects)
+    cost = arrival[before] + picks.of(objects, before)
     return jnp.where(((current >> objects) & 1)[:, None] == 1, cost, jnp.inf)
 
 

@@ -2,13 +2,13 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from basenet_jax.planners.candidates import Candidates
 from basenet_jax.planners.options import GreedyStopsOptions
@@ -67,18 +67,49 @@ def greedy_stops(
         worth: of one object served (s).
         prepared: the candidates' poses.
     """
-    excess = candidates.pick_time - jnp.min(candidates.pick_time, axis=0)
-    gain = jnp.where(candidates.serves, worth - excess, 0.0)
     drives = prepared.departures(robot, scene.robot_start, candidates.first_drive)
+    at, serves = greedy_visits(candidates, candidates.pick_time, drives, scene.mask, worth)
+    return Stops(candidates.base_pose[at], serves)
 
-    def stop(state: tuple[Array, Array], _: None) -> tuple[tuple[Array, Array], Stops]:
+
+class HasTimes(Protocol):
+    """What says how fast poses serve objects."""
+
+    def times_among(self, standing: Bool[Array, " M"]) -> Float[Array, "K M"]:
+        """Pick times (s) while these objects stand; infinite where the pose can't serve the object yet."""
+        ...
+
+
+def greedy_visits(
+    stops: HasTimes,
+    pick_time: Float[Array, "K M"],
+    drives: Callable[[Array], Array],
+    mask: Bool[Array, " M"],
+    worth: Float[Array, ""] | float,
+) -> tuple[Int[Array, " M"], Bool[Array, "M M"]]:
+    """The greedy rule's visits, of which each serves something until nothing more can be had, and what each serves.
+
+    What can be picked at a stop is picked; what only then can be, at the same stop or another, by a later visit.
+
+    Args:
+        stops: K of them.
+        pick_time: s, with everything else gone.
+        drives: from a stop, or from the start (-1), to all stops (s).
+        mask: the objects.
+        worth: of one object served (s).
+    """
+    least = jnp.min(pick_time, axis=0)
+
+    def visit(state: tuple[Array, Array], _: None) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
         at, remaining = state
-        useful = jnp.any(candidates.serves & remaining, axis=1)
-        cost = jnp.where(useful, drives(at) - gain @ remaining.astype(gain.dtype), jnp.inf)
+        time = stops.times_among(remaining)
+        serves = jnp.isfinite(time) & remaining
+        gain = jnp.sum(jnp.where(serves, worth - (time - least), 0.0), axis=1)
+        cost = jnp.where(jnp.any(serves, axis=1), drives(at) - gain, jnp.inf)
         best = jnp.argmin(cost)
-        served = remaining & candidates.serves[best] & jnp.isfinite(cost[best])
+        served = serves[best] & jnp.isfinite(cost[best])
         at = jnp.where(jnp.any(served), best, at)
-        return (at, remaining & ~served), Stops(candidates.base_pose[at], served)
+        return (at, remaining & ~served), (at, served)
 
-    _, stops = jax.lax.scan(stop, (jnp.array(-1), scene.mask), length=len(scene.mask))
-    return stops
+    _, visits = jax.lax.scan(visit, (jnp.array(-1), mask), length=len(mask))
+    return visits

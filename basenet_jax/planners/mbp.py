@@ -36,9 +36,14 @@ class Mbp:
         stop_of_pose = minimum_cover(coverage)
         if np.all(stop_of_pose < 0):
             return assemble_plan(scene, np.zeros(0, int), np.zeros((0, 3)), np.asarray(unserved_reason(candidates)))
-        visits = nearest_stops(self._robot, scene, candidates, stop_of_pose, prepared)
-        visited, grasps, candidates = jax.device_get((visits, _grasps(scene), candidates))
-        order, pose = picks_at_stops(visited[visited >= 0], candidates, grasps)
+        if candidates.clutter is None:
+            visits = nearest_stops(self._robot, scene, candidates, stop_of_pose, prepared)
+            visited, grasps, candidates = jax.device_get((visits, _grasps(scene), candidates))
+            order, pose = picks_at_stops(visited[visited >= 0], candidates, grasps)
+        else:
+            steps = nearest_open_stops(self._robot, scene, candidates, stop_of_pose >= 0, prepared)
+            order, pose, found = jax.device_get(steps)
+            order, pose, candidates = order[found], pose[found], jax.device_get(candidates)
         return assemble_plan(scene, order, candidates.base_pose[pose], np.asarray(unserved_reason(candidates)))
 
 
@@ -73,6 +78,40 @@ def nearest_stops(
     remaining = jnp.arange(slots) <= jnp.max(stop_of_pose)
     start = _Tour(jnp.array(0), jnp.array(-1), remaining, jnp.full(slots, -1))
     return jax.lax.while_loop(lambda tour: jnp.any(tour.remaining), visit, start).visited
+
+
+@jax.jit
+def nearest_open_stops(
+    robot: Robot, scene: Scene, candidates: Candidates, chosen: Bool[Array, " K"], prepared: PreparedWorld
+) -> tuple[Int[Array, " M"], Int[Array, " M"], Bool[Array, " M"]]:
+    """Picks one object after the other where some are in the way of others: the fastest of those free at this stop.
+
+    Where none is, the chosen stop of least navigation time at which one is free is driven to; where the chosen ones
+    can't go on, any candidate.
+
+    Args:
+        robot: the robot.
+        scene: unbatched.
+        candidates: at least one, with the ways to pick.
+        chosen: which of them make the cover.
+        prepared: the candidates' poses.
+
+    Returns:
+        For each step the object's slot, the candidate, and whether there was one.
+    """
+    drives, slots = prepared.departures(robot, scene.robot_start, candidates.first_drive), jnp.arange(len(scene.mask))
+
+    def step(state: tuple[Array, Array], _: None) -> tuple[tuple[Array, Array], tuple[Array, Array, Array]]:
+        at, remaining = state
+        time = jnp.where(remaining, candidates.times_among(remaining), jnp.inf)
+        drive = jnp.where(jnp.any(jnp.isfinite(time), axis=1), drives(at), jnp.inf)
+        on_cover = jnp.where(chosen, drive, jnp.inf)
+        best = jnp.argmin(jnp.where(jnp.any(jnp.isfinite(on_cover)), on_cover, drive))
+        found = jnp.isfinite(drive[best])
+        slot = jnp.argmin(time[best])
+        return (jnp.where(found, best, at), remaining & ~(found & (slots == slot))), (slot, best, found)
+
+    return jax.lax.scan(step, (jnp.array(-1), scene.mask), length=len(scene.mask))[1]
 
 
 class _Tour(NamedTuple):

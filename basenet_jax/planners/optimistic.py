@@ -75,7 +75,7 @@ def settle(
         return Settled(checked, plan, holds)
 
     slots = jnp.full(scenes.mask.shape, -1, jnp.int32)
-    nothing = StopPlan(slots, slots, jnp.zeros(count, pick_time.dtype))
+    nothing = StopPlan(slots, slots, jnp.zeros(count, pick_time.dtype), jnp.zeros_like(slots))
     start = Settled(pick_time, nothing, jnp.zeros(count, bool))
     return rounds.until_settled(lambda state: ~state.holds, improve, start, at_once, axis=0)
 

@@ -49,7 +49,7 @@ class Steps(NamedTuple):
 def nearest_first(
     robot: Robot, scene: Scene, candidates: Candidates, stops: PreparedWorld
 ) -> tuple[Steps, Int[Array, " M"]]:
-    """The greedy rule, step by step; an object without a candidate that can be driven to is passed over.
+    """The greedy rule, step by step, among the objects that a candidate which can be driven to serves now.
 
     Args:
         robot: the robot.
@@ -60,18 +60,18 @@ def nearest_first(
     Returns:
         The steps, and for each slot the reason it has if no step found it.
     """
-    serves = candidates.serves.T
+    slots = jnp.arange(len(scene.mask))
     drives = stops.departures(robot, scene.robot_start, candidates.first_drive)
 
     def step(state: tuple[Array, Array, Array], _: None) -> tuple[tuple[Array, Array, Array], Steps]:
         at, pose, remaining = state
-        distance = nearest_grasp(scene.grasps, pose)
-        slot = jnp.argmin(jnp.where(remaining, distance, jnp.inf))
-        drive = jnp.where(serves[slot] & remaining[slot], drives(at), jnp.inf)
-        best = jnp.argmin(drive)
-        found = jnp.isfinite(drive[best])
+        drive = drives(at)[:, None]
+        drive = jnp.where(jnp.isfinite(candidates.times_among(remaining)) & remaining, drive, jnp.inf)
+        can_be_had = jnp.any(jnp.isfinite(drive), axis=0)
+        slot = jnp.argmin(jnp.where(can_be_had, nearest_grasp(scene.grasps, pose), jnp.inf))
+        best, found = jnp.argmin(drive[:, slot]), can_be_had[slot]
         pose = jnp.where(found, candidates.base_pose[best], pose)
-        return (jnp.where(found, best, at), pose, remaining.at[slot].set(False)), Steps(slot, pose, found)
+        return (jnp.where(found, best, at), pose, remaining & ~(found & (slots == slot))), Steps(slot, pose, found)
 
     _, steps = jax.lax.scan(step, (jnp.array(-1), scene.robot_start, scene.mask), length=len(scene.mask))
     return steps, unserved_reason(candidates)

@@ -9,19 +9,24 @@ in line must move in line. Of the alternatives some slide a stop along its headi
 the same rigid motion for all stops, so that a whole line can shift or turn.
 """
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 from jax import Array
-from jaxtyping import Float, Int, PRNGKeyArray
+from jaxtyping import Bool, Float, Int, PRNGKeyArray
 
 from basenet_jax.config import RefinementConfig, WorldConfig
+from basenet_jax.planners.candidates import check_candidates
 from basenet_jax.planners.chance import likely_pairs, seem_sure
 from basenet_jax.planners.route import Route
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.drives import Drives, Roads
-from basenet_jax.task.picking import pick
+from basenet_jax.task.pick_order import order_picks
+from basenet_jax.task.picking import Rules, pick
 from basenet_jax.task.reliability import Chance
 from basenet_jax.trigonometry import sin_cos, wrap_angle
+from basenet_jax.world.boxes import Boxes
 from basenet_jax.world.scene import Scene
 
 
@@ -62,7 +67,7 @@ def refine(
         progress = index / jnp.maximum(rounds - 1, 1)
         scale = config.first_scale * (config.last_scale / config.first_scale) ** progress
         options = alternatives(stops, jax.random.fold_in(key, index), scale, config)
-        picking = _picking_time(robot, scene, options, route.stop_of, world, chance)
+        picking = _picking_time(robot, scene, options, route, world, chance)
         first, between = _drive_times(robot, scene, options, drives, roads)
         between = jnp.where(used[1:, None, None], between, 0.0)
         choice, cost = cheapest_path(first, between, picking)
@@ -70,21 +75,44 @@ def refine(
 
     start = (jnp.array(0), route.stops, jnp.array(jnp.inf, route.stops.dtype))
     _, stops, cost = jax.lax.while_loop(lambda carry: carry[0] < rounds, improve, start)
-    return Route(stops, route.stop_of), cost
+    return route._replace(stops=stops), cost
 
 
 def reassign(
     robot: Robot, scene: Scene, route: Route, world: WorldConfig = WorldConfig(), chance: Chance | None = None
 ) -> Route:
-    """Gives every object of a route to the stop, among all of its used ones that serve it, where picking is fastest."""
+    """Gives every object of a route to the stop, among all of its used ones that serve it, where picking is fastest.
+
+    Where objects are in each other's way, only as far as they let it.
+    """
     used = jnp.arange(len(route.stops)) <= jnp.max(route.stop_of)
+    if Rules.of(world.pick, scene.room).object_in_the_way:
+        return _reorder(robot, scene, route, used, world, chance)
     picks = pick(robot, route.stops, scene.grasps[:, None], scene.room, world.pick)
     serves = picks.feasible & used
     if chance is not None:
         serves = likely_pairs(robot, scene, route.stops, serves.T, chance, world.pick).T
     time = jnp.where(serves, picks.time, jnp.inf)
     fastest = jnp.where(jnp.isfinite(jnp.min(time, axis=1)), jnp.argmin(time, axis=1), route.stop_of)
-    return Route(route.stops, jnp.where(route.stop_of >= 0, fastest, -1))
+    return route._replace(stop_of=jnp.where(route.stop_of >= 0, fastest, -1))
+
+
+def _reorder(
+    robot: Robot, scene: Scene, route: Route, used: Bool[Array, " M"], world: WorldConfig, chance: Chance | None
+) -> Route:
+    """The picks at a route's used stops, in their order; the same route where a way to pick isn't among those kept."""
+    slots = len(used)
+    candidates = check_candidates(robot, scene, route.stops, world=world, pairs_at_once=slots**2)
+    assert candidates.clutter is not None
+    serves = candidates.serves
+    if chance is not None:
+        serves = likely_pairs(robot, scene, route.stops, serves, chance, world.pick)
+    ways = candidates.clutter.only(serves)
+    picked = scene.mask & (route.stop_of >= 0)
+    order = order_picks(ways.without(scene.mask & ~picked), picked, jnp.where(used, jnp.arange(slots), -1))
+    complete = jnp.all((order.visit >= 0) | ~picked)
+    stop_of, turn = jnp.where(complete, order.visit, route.stop_of), jnp.where(complete, order.turn, route.turn)
+    return Route(route.stops, stop_of, turn)
 
 
 def alternatives(
@@ -118,18 +146,29 @@ def _picking_time(
     robot: Robot,
     scene: Scene,
     options: Float[Array, "L C 3"],
-    stop_of: Int[Array, " M"],
+    route: Route,
     world: WorldConfig,
     chance: Chance | None,
 ) -> Float[Array, "L C"]:
     """Time (s) of all picks at each alternative; infinite where one of them is not feasible, or not sure enough."""
-    picks = pick(robot, options[stop_of], scene.grasps[:, None], scene.room, world.pick)
+    stop_of = route.stop_of
+    neighbours = jax.tree.map(lambda x: x[:, None], _left_when_picked(scene, route))
+    picks = pick(robot, options[stop_of], scene.grasps[:, None], scene.room, world.pick, neighbours=neighbours)
     possible = picks.feasible
     if chance is not None:
         stays = jnp.arange(options.shape[1]) == 0
         possible &= stays | seem_sure(robot, scene, options[stop_of], chance, world.pick)
     time = jnp.where(possible, picks.time, jnp.inf)
     return jnp.zeros(options.shape[:2]).at[stop_of].add(jnp.where(stop_of[:, None] >= 0, time, 0.0))
+
+
+def _left_when_picked(scene: Scene, route: Route) -> Boxes:
+    """For each object the others that still stand when it is picked, "M M"."""
+    stop_of, turn = route.stop_of, route.turn
+    before = (stop_of < stop_of[:, None]) | ((stop_of == stop_of[:, None]) & (turn < turn[:, None]))
+    gone = ((stop_of >= 0) & before) | jnp.eye(len(turn), dtype=bool)
+    boxes = jax.tree.map(lambda x: jnp.broadcast_to(x, (len(turn), *x.shape)), scene.object_boxes)
+    return dataclasses.replace(boxes, blocks_arm=boxes.blocks_arm & ~gone)
 
 
 def _drive_times(

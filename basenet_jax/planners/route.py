@@ -17,6 +17,7 @@ class Route(NamedTuple):
 
     stops: Float[Array, "M 3"]  # (x, y, heading) in W, in order; those after the last used one don't matter
     stop_of: Int[Array, " M"]  # by slot; -1: not picked
+    turn: Int[Array, " M"]  # by slot: the lower come first of those that are picked at one stop
 
 
 def as_route(plan: Plan) -> Route:
@@ -30,7 +31,9 @@ def as_route(plan: Plan) -> Route:
     stops[stop[-1] + 1 :] = stops[stop[-1]]
     stop_of = np.full(len(slot), -1)
     stop_of[slot[:count]] = stop
-    return Route(jnp.asarray(stops), jnp.asarray(stop_of))
+    turn = np.zeros(len(slot), stop_of.dtype)
+    turn[slot[:count]] = np.arange(count)
+    return Route(jnp.asarray(stops), jnp.asarray(stop_of), jnp.asarray(turn))
 
 
 def as_plan(scene: Scene, route: Route, reason: Int[np.ndarray, " M"]) -> Plan:
@@ -41,8 +44,8 @@ def as_plan(scene: Scene, route: Route, reason: Int[np.ndarray, " M"]) -> Plan:
         route: its stops without objects are passed by.
         reason: by slot, why an object is not on the route.
     """
-    stops, stop_of = np.asarray(route.stops), np.asarray(route.stop_of)
-    order = np.argsort(stop_of, kind="stable")
+    stops, stop_of, turn = (np.asarray(leaf) for leaf in route)
+    order = np.lexsort((turn, stop_of))
     order = order[stop_of[order] >= 0]
     return assemble_plan(scene, order, stops[stop_of[order]], reason)
 

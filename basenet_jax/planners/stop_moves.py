@@ -17,6 +17,9 @@ import numpy as np
 from jax import Array
 from jaxtyping import Bool, Float, Int
 
+from basenet_jax.task.clutter import Clutter
+from basenet_jax.task.pick_order import order_picks
+
 NEVER = 1e4  # s: dearer than any plan
 
 
@@ -29,6 +32,7 @@ class Costs(NamedTuple):
     drive_to: Float[Array, "P+2 P+2"]  # s, to place from place: rows are read faster than columns
     useful: Int[Array, " P"]  # the stops that serve something, and then others
     useful_count: Int[Array, ""]
+    clutter: Clutter | None  # of the P stops
 
     @property
     def start(self) -> int:
@@ -45,6 +49,7 @@ def make_costs(
     pick_time: Float[Array | np.ndarray, "P N"],
     first_drive: Float[Array | np.ndarray, " P"],
     drive: Float[Array | np.ndarray, "P P"],
+    clutter: Clutter | None = None,
 ) -> Costs:
     """The problem of `search_stops` as the search wants it."""
     stops = len(first_drive)
@@ -55,7 +60,34 @@ def make_costs(
     drives = drives.at[stops, :stops].set(jnp.minimum(first_drive, NEVER)).at[:, stops + 1].set(0.0)
     useful = jnp.any(serves, axis=1)
     (first_useful,) = jnp.nonzero(useful, size=stops, fill_value=0)
-    return Costs(jnp.where(wanted, pick, 0.0).T, wanted, drives, drives.T, first_useful, jnp.sum(useful))
+    return Costs(jnp.where(wanted, pick, 0.0).T, wanted, drives, drives.T, first_useful, jnp.sum(useful), clutter)
+
+
+class RoutePicks(NamedTuple):
+    """What a route comes to."""
+
+    place: Int[Array, " N"]  # from which of its places each object is picked (0: from none)
+    turn: Int[Array, " N"]  # which of those that are picked from one place come first
+    cost: Float[Array, ""]  # s
+
+
+def route_picks(costs: Costs, route: Int[Array, " T"]) -> RoutePicks:
+    """From where of a route each object is picked, and what the route costs."""
+    if costs.clutter is None:
+        here, cost = route_cost(costs, route)
+        return RoutePicks(here, jnp.zeros_like(here), cost)
+    order = order_picks(costs.clutter, costs.wanted, jnp.where(route < costs.start, route, -1))
+    picked_from = jnp.any(order.visit == jnp.arange(len(route))[:, None], axis=1).at[0].set(True)
+    between = costs.drive[route][:, route]
+
+    def leg(before: Array, place: Array) -> tuple[Array, Array]:
+        """Stops where nothing is picked are passed by."""
+        there = picked_from[place]
+        return jnp.where(there, place, before), jnp.where(there, between[before, place], 0.0)
+
+    _, legs = jax.lax.scan(leg, jnp.array(0), jnp.arange(1, len(route)))
+    picking = jnp.where(costs.wanted, jnp.minimum(order.time, NEVER), 0.0)
+    return RoutePicks(jnp.maximum(order.visit, 0), order.turn, jnp.sum(legs) + jnp.sum(picking))
 
 
 def route_cost(costs: Costs, route: Int[Array, " T"]) -> tuple[Int[Array, " N"], Float[Array, ""]]:

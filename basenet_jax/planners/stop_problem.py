@@ -1,5 +1,6 @@
 """The problem that exact planning and search are given: of few sizes, so that little is compiled."""
 
+import dataclasses
 from collections import defaultdict
 from typing import Any, NamedTuple
 
@@ -14,6 +15,7 @@ from basenet_jax.planners.candidates import Candidates
 from basenet_jax.planners.exact_sequence import best_sequence, sets_of
 from basenet_jax.planners.protocol import assemble_plan
 from basenet_jax.robot.model import Robot
+from basenet_jax.task.clutter import Clutter, as_bits, as_members
 from basenet_jax.task.drives import Drives
 from basenet_jax.task.plan import Plan
 from basenet_jax.task.stop_problem import StopProblem, make_problem
@@ -65,7 +67,8 @@ class SizedProblem(NamedTuple):
     def best_steps(self) -> tuple[Int[np.ndarray, " N"], Int[np.ndarray, " N"]]:
         """The cheapest way to pick all N objects, at least one: which is picked by each step, at which of the stops."""
         count = len(self.slots)
-        order, stops = jax.device_get(_best_sequence(*self.costs, sets_of(count, len(self.problem.mask))))
+        sets = sets_of(count, len(self.problem.mask))
+        order, stops = jax.device_get(_best_sequence(*self.costs, sets, self.problem.clutter))
         return order[-count:], stops[-count:]
 
     def plan(self, scene: Scene, order: Int[np.ndarray, " S"], stops: Int[np.ndarray, " S"]) -> Plan:
@@ -103,8 +106,8 @@ def stop_problem(
         sizes: of the problems before; None: a column for each object, and stops in whole buckets.
         between: drives (s) between the candidates, where they are known.
     """
-    poses, times, reason, mask = jax.device_get(
-        (candidates.base_pose, candidates.pick_time, candidates.reason, scene.mask)
+    poses, times, reason, mask, clutter = jax.device_get(
+        (candidates.base_pose, candidates.pick_time, candidates.reason, scene.mask, candidates.clutter)
     )
     if candidates.first_drive is None:
         first = np.asarray(drives.matrix(robot, scene.robot_start[None], candidates.base_pose))[0]
@@ -113,7 +116,8 @@ def stop_problem(
     # What only poses with an infinite first drive serve can't be had. Round one table no drive leads to them, wherever
     # it begins: they are inside the table grown by the path margin. In a room they are shut in.
     nothing: Any = np.zeros((0, 0))
-    whole = make_problem(poses, nothing, times, first, mask, reason, np)
+    whole = make_problem(poses, nothing, times, first, mask, reason, clutter, np)
+    times, clutter = whole.pick_time, whole.clutter
     served = np.flatnonzero(whole.mask)
     # A pose that serves nothing is no stop of any plan, since each step of a plan picks.
     useful = np.flatnonzero(np.isfinite(first) & np.any(np.isfinite(times), axis=1))
@@ -129,5 +133,21 @@ def stop_problem(
     else:
         drive = jax.device_put(np.pad(np.asarray(between)[np.ix_(useful, useful)], (0, padding)))
     there = np.arange(columns) < len(served)
-    problem = make_problem(poses, drive, jax.device_put(times), jax.device_put(first), there, numpy=np)
+    if clutter is not None:
+        clutter = _cut_down(clutter, useful, served, padding, empty)
+    problem = make_problem(poses, drive, times, first, there, clutter=clutter, numpy=np)
+    costs: Any = jax.device_put((problem.pick_time, problem.first_drive, problem.clutter))
+    problem = dataclasses.replace(problem, pick_time=costs[0], first_drive=costs[1], clutter=costs[2])
     return SizedProblem(problem, served, np.asarray(whole.reason))
+
+
+def _cut_down(
+    clutter: Clutter, stops: Int[np.ndarray, " P"], served: Int[np.ndarray, " N"], padding: int, empty: int
+) -> Clutter:
+    """The ways of some stops and objects, whose bits are numbered anew, filled up with none."""
+    own = np.asarray(clutter.time)[np.ix_(stops, served)]
+    members = as_members(np.asarray(clutter.blockers)[np.ix_(stops, served)], clutter.time.shape[1])[..., served]
+    fill = ((0, padding), (0, empty), (0, 0))
+    members: Any = np.pad(members, (*fill, (0, empty)))
+    time: Any = np.pad(own, fill, constant_values=np.inf)
+    return Clutter(time, as_bits(members, np))

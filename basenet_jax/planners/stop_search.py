@@ -15,7 +15,8 @@ from jax import Array
 from jaxtyping import Float, Int, PRNGKeyArray
 
 from basenet_jax import struct
-from basenet_jax.planners.stop_moves import NEVER, Costs, best_neighbour, make_costs, route_cost
+from basenet_jax.planners.stop_moves import NEVER, Costs, best_neighbour, make_costs, route_picks
+from basenet_jax.task.clutter import Clutter
 
 MAX_STOPS = 20  # 50 random objects on the default table need 16 at most
 _LEAST_GAIN = 1e-3  # s, of a move; less may be rounding
@@ -32,6 +33,7 @@ class StopSequence:
 
     stops: Int[Array, " L"]  # indices of the P candidates; then -1 as padding
     picked_at: Int[Array, " N"]  # which of the stops picks each object, 0 to L - 1; -1: none
+    turn: Int[Array, " N"]  # which of the objects of one stop come first
     cost: Float[Array, ""]  # s, of all drives and picks; infinite where an object that could be served is not
 
 
@@ -44,6 +46,7 @@ def search_stops(
     iterations: Int[Array, ""] | int,
     start: Int[Array | np.ndarray, " S"] | None = None,
     max_stops: int | None = None,
+    clutter: Clutter | None = None,
 ) -> StopSequence:
     """The cheapest sequence found of stops that pick all N objects; compiled once for all numbers of iterations.
 
@@ -55,6 +58,8 @@ def search_stops(
         iterations: how often all neighbours of a route are costed. The first descent takes about one for each stop.
         start: stops in order, then -1 as padding; S at most `max_stops`. The result costs no more. None: no stops.
         max_stops: L; None: N, or 20 if that is less. Fewer are faster.
+        clutter: the ways to pick, where objects are in each other's way. Neighbours are costed as if none were, routes
+            that are looked at as they are.
 
     Raises:
         ValueError: the start has room for more stops than are allowed.
@@ -62,13 +67,13 @@ def search_stops(
     room = min(pick_time.shape[1], MAX_STOPS) if max_stops is None else max_stops
     if start is not None and len(start) > room:
         raise ValueError(f"start: found room for {len(start)} stops, allowed are max_stops = {room}")
-    return _search(pick_time, first_drive, drive, key, iterations, start, room)
+    return _search(pick_time, first_drive, drive, key, iterations, start, clutter, room)
 
 
 def plan_steps(sequence: StopSequence) -> tuple[Int[np.ndarray, " S"], Int[np.ndarray, " S"]]:
     """The picked objects in order, and the candidate that each is picked from: what `assemble_plan` takes."""
-    stops, picked_at = np.asarray(sequence.stops), np.asarray(sequence.picked_at)
-    order = np.argsort(picked_at, kind="stable")[np.sum(picked_at < 0) :]
+    stops, picked_at, turn = (np.asarray(x) for x in (sequence.stops, sequence.picked_at, sequence.turn))
+    order = np.lexsort((turn, picked_at))[np.sum(picked_at < 0) :]
     return order, stops[picked_at[order]]
 
 
@@ -114,9 +119,10 @@ def _search(
     key: PRNGKeyArray,
     iterations: Int[Array, ""],
     start: Int[Array | np.ndarray, " S"] | None,
+    clutter: Clutter | None,
     max_stops: int,
 ) -> StopSequence:
-    costs = make_costs(pick_time, first_drive, drive)
+    costs = make_costs(pick_time, first_drive, drive, clutter)
     route = jnp.full(max_stops + 2, costs.nowhere).at[0].set(costs.start)
     if start is not None:
         route = route.at[1 : len(start) + 1].set(jnp.where(start < 0, costs.nowhere, start))
@@ -126,14 +132,14 @@ def _search(
 
     nothing = _Found(route, jnp.full((), jnp.inf, costs.pick.dtype))
     best = jax.lax.fori_loop(0, iterations, step, _State(route, nothing, nothing, nothing)).best.route
-    here, cost = route_cost(costs, best)
+    picks = route_picks(costs, best)
     stops = jnp.where(best < costs.start, best, -1)[1:-1]
-    return StopSequence(stops, here - 1, jnp.where(cost < NEVER, cost, jnp.inf))
+    return StopSequence(stops, picks.place - 1, picks.turn, jnp.where(picks.cost < NEVER, picks.cost, jnp.inf))
 
 
 def _step(costs: Costs, state: _State, key: PRNGKeyArray) -> _State:
     """One route looked at: on to its cheapest neighbour, or from an accepted route to a new descent."""
-    here = _Found(state.route, route_cost(costs, state.route)[1])
+    here = _Found(state.route, route_picks(costs, state.route).cost)
     # The estimate of a neighbour is a lower bound, so a move can turn out to be none: the descent ends there too.
     improved = here.cost < state.lowest.cost - _LEAST_GAIN
     lowest = state.lowest.cheaper(here, _LEAST_GAIN)

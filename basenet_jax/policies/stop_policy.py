@@ -20,6 +20,7 @@ from basenet_jax.task.stop_problem import BATCH_AXES as PROBLEM_AXES
 from basenet_jax.task.stop_problem import StopProblem
 
 _SECONDS = 0.25  # brings times to the order of one
+_USUAL = 10.0  # s, a pick time
 _BASES = 5
 
 
@@ -153,7 +154,7 @@ class _Views:
         best, mask = state.best[..., None, :], scene.problem.mask[..., None, :]
         serves, waiting = jnp.isfinite(pick) & mask, mask & ~jnp.isfinite(best)
         self.scene = scene
-        self.least = jnp.min(jnp.where(mask, pick, 0.0), axis=-2) if least is None else least
+        self.least = _least(jnp.where(mask, pick, 0.0)) if least is None else least
         self.drive = _finite(drive)
         self.waiting = waiting[..., 0, :]  # objects not served yet
         self.improvable = jnp.where(mask & ~waiting, _finite(best) - self.least[..., None, :], 0.0)[..., 0, :]
@@ -166,7 +167,7 @@ class _Views:
 
     def node_features(self) -> Float[Array, "*batch M inputs"]:
         """The grasp, and how the object stands."""
-        extra = [self.waiting, _SECONDS * self.improvable, _SECONDS * (self.least - 10.0), 0.01 * self.stops]
+        extra = [self.waiting, _SECONDS * self.improvable, _SECONDS * (self.least - _USUAL), 0.01 * self.stops]
         grasps = jnp.where(self.scene.problem.mask[..., None], self.scene.grasps, 0.0)
         return jnp.concatenate([object_features(grasps), jnp.stack(extra, axis=-1)], axis=-1)
 
@@ -175,6 +176,12 @@ class _Views:
         first = self.first.astype(self.excess.dtype)
         parts = [first, first * jnp.exp(-self.excess), first * _SECONDS * self.excess]
         return jnp.stack([*parts, _SECONDS * self.saved, _SECONDS * self.access], axis=-1)
+
+
+def _least(pick: Float[Array, "*batch K M"]) -> Float[Array, "*batch M"]:
+    """Least pick times; a usual one for objects that nothing can serve yet, since other objects are in the way."""
+    least = jnp.min(pick, axis=-2)
+    return jnp.where(jnp.isfinite(least), least, _USUAL)
 
 
 def _stop_features(poses: Float[Array, "*batch C 3"], views: _Views) -> Float[Array, "*batch C inputs"]:

@@ -1,5 +1,6 @@
 """Episodes of the stop policy, what they cost, and the gradient of the choices made in them."""
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -9,6 +10,7 @@ from jax import Array
 from jaxtyping import Bool, Float, Int
 
 from basenet_jax.policies.stop_policy import BATCH_AXES, StopPolicy, StopScene, StopState
+from basenet_jax.task.pick_order import order_picks
 from basenet_jax.task.stop_problem import BATCH_AXES as PROBLEM_AXES
 from basenet_jax.task.stop_problem import StopProblem
 
@@ -21,6 +23,7 @@ class StopPlan(NamedTuple):
     stops: Int[Array, "*batch M"]  # as visited; -1: padding, or a stop passed by because others pick its objects faster
     picked_at: Int[Array, "*batch M"]  # by slot: which visit, 0 to M - 1; -1: none
     cost: Float[Array, "*batch"]  # s, of all drives and picks
+    turn: Int[Array, "*batch M"]  # by slot: which of the objects of one visit come first
 
 
 def start(scene: StopScene) -> StopState:
@@ -30,8 +33,23 @@ def start(scene: StopScene) -> StopState:
     return StopState(scene.robot_start, problem.first_drive, best, jnp.zeros(best.shape[:-1], best.dtype))
 
 
+def now(scene: StopScene, state: StopState) -> StopScene:
+    """The scene as it stands: an object is served only where nothing that is left is in the way."""
+    problem = scene.problem
+    if problem.clutter is None:
+        return scene
+    pick_time = problem.times_among(problem.mask & ~jnp.isfinite(state.best))
+    return dataclasses.replace(scene, problem=dataclasses.replace(problem, pick_time=pick_time))
+
+
 def visit(problem: StopProblem, state: StopState, stop: Int[Array, "*batch"]) -> StopState:
-    """After driving to a stop; the same state for `END`."""
+    """After driving to a stop; the same state for `END`.
+
+    Args:
+        problem: as it stands, see `now`.
+        state: before.
+        stop: where to.
+    """
     goes, stop = stop != END, jnp.maximum(stop, 0)
     here = jnp.take_along_axis(problem.pick_time, stop[..., None, None], axis=-2)[..., 0, :]
     served = problem.mask & ~jnp.isfinite(state.best) & jnp.isfinite(here)
@@ -79,10 +97,11 @@ def play(policy: StopPolicy, params: Any, scene: StopScene, choose: Choose) -> I
 
     def advance(carry: tuple[Array, StopState, Array, Array]) -> tuple[Array, StopState, Array, Array]:
         step, state, visited, going = carry
-        logits: Any = policy.apply(params, scene, state)
+        as_it_stands = now(scene, state)
+        logits: Any = policy.apply(params, as_it_stands, state)
         stop = jnp.where(going, choose(logits[0], logits[1], step), END)
         visited = jax.lax.dynamic_update_index_in_dim(visited, stop.astype(visited.dtype), step, axis=-1)
-        return step + 1, visit(scene.problem, state, stop), visited, going & (stop != END)
+        return step + 1, visit(as_it_stands.problem, state, stop), visited, going & (stop != END)
 
     visited = jnp.full(problem.mask.shape, END, jnp.int32)
     nothing = (jnp.array(0), start(scene), visited, jnp.any(problem.mask, axis=-1))
@@ -92,6 +111,8 @@ def play(policy: StopPolicy, params: Any, scene: StopScene, choose: Choose) -> I
 def plan_of(problem: StopProblem, visited: Int[Array, " M"]) -> StopPlan:
     """The plan of one sequence of stops: each object at the visit that picks it fastest, idle visits left out.
 
+    Where objects are in each other's way, see `order_picks`.
+
     Args:
         problem: unbatched.
         visited: stops in order, then -1.
@@ -99,8 +120,12 @@ def plan_of(problem: StopProblem, visited: Int[Array, " M"]) -> StopPlan:
     Returns:
         The plan; its cost is infinite if an object is not served or a stop can't be reached.
     """
-    at = jnp.where((visited != END)[:, None], problem.pick_time[jnp.maximum(visited, 0)], jnp.inf)
-    picked_at = jnp.where(problem.mask & jnp.any(jnp.isfinite(at), axis=0), jnp.argmin(at, axis=0), -1)
+    if problem.clutter is None:
+        at = jnp.where((visited != END)[:, None], problem.pick_time[jnp.maximum(visited, 0)], jnp.inf)
+        picked_at = jnp.where(problem.mask & jnp.any(jnp.isfinite(at), axis=0), jnp.argmin(at, axis=0), -1)
+        turn, time = jnp.zeros_like(picked_at), jnp.min(at, axis=0)
+    else:
+        picked_at, turn, time = order_picks(problem.clutter, problem.mask, visited)
     used = jnp.any(picked_at == jnp.arange(len(visited))[:, None], axis=1)
     stops = jnp.where(used, visited, END)
 
@@ -109,7 +134,7 @@ def plan_of(problem: StopProblem, visited: Int[Array, " M"]) -> StopPlan:
         return jnp.where(stop == END, before, stop), jnp.where(stop == END, 0.0, leg)
 
     _, legs = jax.lax.scan(drive, jnp.array(END, stops.dtype), stops)
-    return StopPlan(stops, picked_at, jnp.sum(legs) + jnp.sum(jnp.where(problem.mask, jnp.min(at, axis=0), 0.0)))
+    return StopPlan(stops, picked_at, jnp.sum(legs) + jnp.sum(jnp.where(problem.mask, time, 0.0)), turn)
 
 
 plans_of = jax.vmap(plan_of, in_axes=(PROBLEM_AXES, 0))  # of a batch
@@ -171,11 +196,12 @@ def choices_gradient(
     def accumulate(carry: tuple) -> tuple:
         step, state, counts, gradient, sums = carry
         stop = jax.lax.dynamic_index_in_dim(visited, step, axis=-1, keepdims=False)
+        as_it_stands = now(scenes, state)
         (value, entropy), own = jax.value_and_grad(_surprise, argnums=1, has_aux=True)(
-            policy, params, scenes, state, stop, jnp.where(counts, weight, 0.0), counts
+            policy, params, as_it_stands, state, stop, jnp.where(counts, weight, 0.0), counts
         )
         sums += jnp.stack([value, entropy / len(visited)])
-        after = visit(scenes.problem, state, stop)
+        after = visit(as_it_stands.problem, state, stop)
         return step + 1, after, counts & (stop != END), jax.tree.map(jnp.add, gradient, own), sums
 
     counts: Bool[Array, " B"] = jnp.any(scenes.problem.mask, axis=-1)

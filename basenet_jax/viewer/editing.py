@@ -213,7 +213,7 @@ def _footprints(scene: NamedScene, slots: Sequence[int] | np.ndarray | slice = s
     """What the objects of some slots cover; of all, empty ones too, by default: the same shapes for few or many."""
     arrays = scene.arrays
     leaves = (arrays.object_pose, arrays.object_size, np.asarray(arrays.object_class) < 0)
-    return Footprints(*(np.asarray(leaf)[slots] for leaf in leaves))
+    return Footprints(*(np.asarray(leaf)[slots] for leaf in leaves), crowded=scene.furniture is not None)
 
 
 def _at_freest_place(scene: NamedScene, slot: int) -> NamedScene:

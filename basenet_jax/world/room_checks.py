@@ -73,7 +73,7 @@ def check_objects(room: RoomFields) -> None:
     top = bottom + size[:, 2]
     beside = (bottom[:, None] < top) & (bottom < top[:, None])
     own_size = np.array([item.class_ is UNSET for item in objects])
-    check_apart([item.name for item in objects], Footprints(pose, size, own_size), beside)
+    check_apart([item.name for item in objects], Footprints(pose, size, own_size, crowded=True), beside)
     boxes, names = written_boxes(room)
     if inside := object_inside(pose, bottom, top, boxes):
         index, box = inside

@@ -48,6 +48,26 @@ def test_rectangles_of_own_sizes_stand_apart(first, second, sizes):
         assert not found
 
 
+@settings(max_examples=200)
+@given(first=place, second=place, sizes=st.tuples(size, size), own=st.tuples(st.booleans(), st.booleans()))
+def test_in_rooms_objects_stand_as_close_as_their_rectangles(first, second, sizes, own):
+    poses = (np.array(first), np.array(second))
+    assume(min(min(each[:2]) for each in sizes) > 0.01)
+    one, other = (
+        Footprints(pose[None], np.array([each]), np.array([of_own]), crowded=True)
+        for pose, each, of_own in zip(poses, sizes, own, strict=True)
+    )
+    found = bool(gaps(one, other)[0, 0] < 0)
+    needed = sum(min(np.hypot(*each[:2]) / 2, MOST_RADIUS) for each in sizes) - TOLERANCE
+    distance = np.hypot(*(poses[1] - poses[0])[:2])
+    assume(abs(distance - needed) > ROUNDING)
+    if polygon_distance(*(corners(p, s, 0.0) for p, s in zip(poses, sizes, strict=True))) > 0:
+        assert not found
+    deep = polygon_distance(*(corners(p, s, TOLERANCE / 2 + ROUNDING) for p, s in zip(poses, sizes, strict=True)))
+    if deep == 0:
+        assert found == (any(own) or distance < needed)
+
+
 @settings(max_examples=100)
 @given(first=place, second=place, kinds=st.tuples(*[st.sampled_from(OBJECT_CLASSES)] * 2))
 def test_packaged_classes_keep_the_sampling_rule_and_nothing_more(first, second, kinds):
