@@ -22,6 +22,7 @@ from basenet_jax.robot import kinematics
 from basenet_jax.robot.model import Robot
 from basenet_jax.task import navigation, picking
 from basenet_jax.task import plan as judge
+from basenet_jax.task.clutter import obtainable
 from basenet_jax.task.picking import Pick, Reason
 from basenet_jax.task.plan import Outcome, Plan
 from basenet_jax.world import clearance, generate
@@ -186,11 +187,15 @@ def check_candidates(
         jax.device_get(_check_candidates(robot, wide, part, world=world, pairs_at_once=PAIRS_AT_ONCE))
         for part in np.split(np.resize(poses, (-(-count // POSES) * POSES, 3)), -(-count // POSES))
     ]
-    serves, time = (np.concatenate([getattr(x, name) for x in parts])[:count] for name in ("serves", "pick_time"))
-    reason = np.where(serves.any(axis=0), Reason.NONE, np.max([part.reason for part in parts], axis=0))
-    return dataclasses.replace(
-        parts[0], base_pose=poses, serves=serves[:, :slots], pick_time=time[:, :slots], reason=reason[:slots]
+    serves, time, clutter = (
+        jax.tree.map(lambda *each: np.concatenate(each)[:count, :slots], *(getattr(x, name) for x in parts))
+        for name in ("serves", "pick_time", "clutter")
     )
+    if clutter is not None:  # what is in the way at one part's poses may be had at another's
+        time = clutter.times_among(~obtainable(clutter, np.ones(count, bool), np), np)
+        serves = np.isfinite(time)
+    reason = np.where(serves.any(axis=0), Reason.NONE, np.max([part.reason[:slots] for part in parts], axis=0))
+    return dataclasses.replace(parts[0], base_pose=poses, serves=serves, pick_time=time, reason=reason, clutter=clutter)
 
 
 def make_setup(robot: Robot, **changes: Any) -> PlannerSetup:

@@ -276,8 +276,8 @@ def _estimate(
 def _problem_of(robot: Robot, prepared: PreparedWorld, scene: Scene, candidates: Candidates) -> StopProblem:
     """The problem with pick times that were checked, at the candidates that the world was prepared for."""
     first_drive = prepared.first_drives(robot, scene.robot_start[None])[0]
-    costs = (candidates.pick_time, first_drive, scene.mask, candidates.reason, candidates.clutter)
-    return make_problem(prepared.poses, prepared.drive, *costs)
+    costs = (candidates.pick_time, first_drive, scene.mask, candidates.reason)
+    return make_problem(prepared.poses, prepared.drive, *costs, clutter=candidates.clutter)
 
 
 @partial(Stored, static=("program",))

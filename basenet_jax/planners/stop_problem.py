@@ -116,7 +116,7 @@ def stop_problem(
     # What only poses with an infinite first drive serve can't be had. Round one table no drive leads to them, wherever
     # it begins: they are inside the table grown by the path margin. In a room they are shut in.
     nothing: Any = np.zeros((0, 0))
-    whole = make_problem(poses, nothing, times, first, mask, reason, clutter, np)
+    whole = make_problem(poses, nothing, times, first, mask, reason, np, clutter=clutter)
     times, clutter = whole.pick_time, whole.clutter
     served = np.flatnonzero(whole.mask)
     # A pose that serves nothing is no stop of any plan, since each step of a plan picks.

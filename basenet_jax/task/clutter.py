@@ -42,7 +42,6 @@ class Clutter:
         blocked = numpy.any((self.blockers & words) != 0, axis=-1)
         return Clutter(numpy.where(blocked, numpy.inf, self.time), self.blockers)
 
-
     def only(self, serves: Bool[Array, "*batch K M"], numpy: Any = jnp) -> "Clutter":
         """The ways of these pairs of stop and object alone."""
         return Clutter(numpy.where(serves[..., None], self.time, numpy.inf), self.blockers)

@@ -6,6 +6,7 @@ undecided picks only.
 """
 
 import enum
+import functools
 import itertools
 import math
 from collections.abc import Callable
@@ -19,6 +20,7 @@ from jaxtyping import Bool, Float, Int
 
 from basenet_jax import rounds
 from basenet_jax.config import PickConfig
+from basenet_jax.robot import ur
 from basenet_jax.robot.ik import damped_least_squares, residual
 from basenet_jax.robot.kinematics import Vector
 from basenet_jax.robot.model import Robot
@@ -31,6 +33,10 @@ from basenet_jax.world.contacts import boxes_touched
 
 # (robot, base pose as x, y, heading, joints, table) -> whether the arm touches anything; the default is the kernels'.
 ArmCheck = Callable[[Robot, Vector, Array, Room], Array]
+
+
+_SEVERAL = 8  # solutions of a pick looked at in one round, where only few picks are undecided
+_MANY = 2 * ur.BRANCHES  # solutions of a pick: more than those of one grasp
 
 
 class Reason(enum.IntEnum):
@@ -109,6 +115,12 @@ class Checked(NamedTuple):
         """Whether it breaks none."""
         return self.rule == Reason.NONE
 
+    def apart(self, parts: int) -> "Checked":
+        """So many equal parts of the batch one after the other, along a new leading axis."""
+        joints = self.joints.reshape(*self.joints.shape[:2], parts, -1)
+        rest = jax.tree.map(lambda x: x.reshape(parts, len(x) // parts, *x.shape[1:]), self._replace(joints=self.rule))
+        return rest._replace(joints=jnp.moveaxis(joints, 2, 0))
+
 
 class Search(NamedTuple):
     """The search through each pick's solutions (K solutions, B picks)."""
@@ -135,32 +147,46 @@ def search_solutions(problem: PickProblem, start: Any, keep: Callable[[Any, Chec
         found=start,
     )
 
-    def attempt(index: Array, search: Search) -> Search:
-        choice = jnp.argmin(search.estimate, axis=0)
-        checked = _check(problem.take(index), choice)
+    def keep_next(search: Search, looked_at: tuple[Array, Checked]) -> tuple[Search, None]:
+        """What a pick's next solution changes, unless it is decided already."""
+        choice, checked = looked_at
         found, decides = keep(search.found, checked)
         estimate = search.estimate.at[choice, jnp.arange(len(choice))].set(jnp.inf)
-        return Search(
+        after = Search(
             estimate=estimate,
             rule=jnp.where(checked.feasible, checked.rule, jnp.maximum(checked.rule, search.rule)),
             decided=decides | ~jnp.any(jnp.isfinite(estimate), axis=0),
             found=found,
         )
+        return jax.tree.map(lambda new, old: jnp.where(search.decided, old, new), after, search), None
 
-    for chunk, rest in itertools.pairwise((*_chunks(len(problem.collides), problem.config), 0)):
-        search = rounds.until_settled(lambda search: ~search.decided, attempt, search, chunk, leave=rest)
+    def attempt(at_once: int, index: Array, search: Search) -> Search:
+        if at_once == 1:
+            choice = jnp.argmin(search.estimate, axis=0)
+            return keep_next(search, (choice, _check(problem.take(index), choice)))[0]
+        choices = jax.lax.top_k(-search.estimate.T, at_once)[1].T  # the fastest first
+        several = _check(problem.take(jnp.tile(index, at_once)), choices.ravel())
+        return jax.lax.scan(keep_next, search, (choices, several.apart(at_once)))[0]
+
+    levels = _levels(len(problem.collides), len(estimate), problem.config)
+    for (chunk, at_once), (rest, _) in itertools.pairwise((*levels, (0, 0))):
+        work = functools.partial(attempt, at_once)
+        search = rounds.until_settled(lambda search: ~search.decided, work, search, chunk, leave=rest)
     return search
 
 
-def _chunks(count: int, config: PickConfig) -> tuple[int, ...]:
-    """How many undecided picks of a batch are checked in one round, falling; each is taken while more are undecided
-    than the next one holds.
+def _levels(count: int, solutions: int, config: PickConfig) -> tuple[tuple[int, int], ...]:
+    """How many undecided picks of a batch are checked in one round, falling, and how many solutions of each; a level
+    is taken while more are undecided than the next one holds.
 
     A round costs as much for the last few undecided picks as for a full chunk, and there are up to as many rounds as
-    solutions. So small batches go in small chunks, and so do the last picks of large ones.
+    solutions. So small batches go in small chunks, and so do the last picks of large ones. Where picks have many
+    solutions, the last few picks have several of them looked at in a round.
     """
     first = min(count, config.chunk, max(config.smallest_chunk, count // 16))
-    return (first, config.smallest_chunk) if first >= 4 * config.smallest_chunk else (first,)
+    levels = ((first, 1), (config.smallest_chunk, 1)) if first >= 4 * config.smallest_chunk else ((first, 1),)
+    last = levels[-1][0] // _SEVERAL
+    return (*levels, (last, _SEVERAL)) if last and solutions > _MANY else levels
 
 
 def _check(problem: PickProblem, choice: Int[Array, " B"]) -> Checked:
@@ -178,21 +204,33 @@ def _check(problem: PickProblem, choice: Int[Array, " B"]) -> Checked:
         (Reason.NO_STRAIGHT_DESCENT, ~(smooth & jnp.all(reached, axis=0))),
         (Reason.ARM_COLLIDES, jnp.any(problem.arm_check(robot, picks.base_pose, states, problem.room), axis=0)),
     ]
-    touched = jnp.zeros((len(choice), 0), bool)
+    touched, possible = jnp.zeros((len(choice), 0), bool), ~functools.reduce(jnp.logical_or, (x for _, x in broken))
     if problem.neighbours is not None:
-        touched = boxes_touched(robot, picks.base_pose, states, problem.neighbours)
+        touched = boxes_touched(robot, picks.base_pose, states, problem.neighbours, possible)
         broken.append((Reason.OBJECT_IN_THE_WAY, jnp.any(touched, axis=-1)))
     if rules.arm_hits_itself:
-        broken.append((Reason.ARM_HITS_ITSELF, jnp.any(hits_itself(robot, states), axis=0)))
+        broken.append((Reason.ARM_HITS_ITSELF, _of_possible(possible, states, lambda q: hits_itself(robot, q))))
     if rules.near_singular:
-        singular = near_singular(robot, joints, config.least_singular_value)
-        broken.append((Reason.NEAR_SINGULAR, jnp.any(singular, axis=0)))
+        least = config.least_singular_value
+        broken.append((Reason.NEAR_SINGULAR, _of_possible(possible, joints, lambda q: near_singular(robot, q, least))))
     rule, alone = jnp.full(choice.shape, int(Reason.NONE)), jnp.ones(choice.shape, bool)
     for reason, holds in reversed(broken):
         rule = jnp.where(holds, reason, rule)
         alone &= ~holds | (reason == Reason.OBJECT_IN_THE_WAY)
     duration = arm_solutions.cycle_duration(robot, tuple(joints[:, 0]), tuple(joints[:, -1]), config)
     return Checked(rule, duration, joints, arm_solutions.grasp_of(picks, solutions, choice), touched, alone)
+
+
+def _of_possible(
+    possible: Bool[Array, " B"], states: Float[Array, "dof S B"], test: Callable[[Array], Array]
+) -> Bool[Array, " B"]:
+    """Whether a test holds for any state of those solutions that break no rule before; half of them do."""
+    count = len(possible)
+
+    def some(index: Int[Array, " Q"], holds: Array) -> Array:
+        return holds.at[index].set(jnp.any(test(rounds.take(states, index)), axis=0), mode="drop")
+
+    return rounds.over_chosen(possible, some, jnp.zeros(count, bool), max(1, count // 4))
 
 
 def checked_fractions(config: PickConfig) -> np.ndarray:

@@ -48,8 +48,9 @@ def make_problem(
     first_drive: Float[ArrayLike, "*batch K"],
     mask: Bool[ArrayLike, "*batch M"],
     reason: Int[ArrayLike, "*batch M"] = Reason.OUT_OF_REACH,
-    clutter: Clutter | None = None,
     numpy: Any = jnp,
+    *,
+    clutter: Clutter | None = None,
 ) -> StopProblem:
     """The problem of one scene or a batch; objects that no stop serves, or none that can be driven to, are left out.
 
@@ -60,8 +61,8 @@ def make_problem(
         first_drive: from the robot's start (s).
         mask: which objects there are.
         reason: why no stop serves an object.
-        clutter: the ways to pick, where objects are in each other's way; `pick_time` is then with all others gone.
         numpy: the module that computes it: `jax.numpy`, or NumPy on the host.
+        clutter: the ways to pick, where objects are in each other's way; `pick_time` is then with all others gone.
     """
     there, reachable = numpy.asarray(mask), numpy.isfinite(first_drive)
     serves = numpy.isfinite(pick_time)

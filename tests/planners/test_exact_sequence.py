@@ -4,11 +4,12 @@ from typing import Any
 import jax
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy import optimize, sparse
 
 from basenet_jax.planners.exact_sequence import best_sequence, sets_of
+from tests.clutter_cases import as_clutter, most_of_any_order, random_clutter, time_of
 
 solve = jax.jit(best_sequence)
 
@@ -47,6 +48,36 @@ def test_nothing_is_cheaper_by_brute_force(seed, objects):
     order, stops = (np.asarray(x) for x in solve(*costs))
     assert sorted(order) == list(range(objects))
     np.testing.assert_allclose(cost_of(order, stops, costs), brute_force(*costs), rtol=1e-6)
+
+
+def cost_in_clutter(order, stops, time, blockers, first, drive):
+    drives = first[stops[0]] + sum(drive[p, q] for p, q in itertools.pairwise(stops))
+    gone = [set(order[:index]) for index in range(len(order))]
+    return drives + sum(time_of(time, blockers, p, o, before) for o, p, before in zip(order, stops, gone, strict=True))
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 2**31))
+def test_nothing_is_cheaper_where_objects_are_in_the_way(seed):
+    """All orders and all stops; beside three columns, of which one may be left out."""
+    stops, columns = 4, 4
+    objects = 3 + seed % 2
+    time, blockers = random_clutter(seed, stops, objects, served=0.8)
+    assume(len(most_of_any_order(time, blockers, np.ones(stops, bool))) == objects)
+    _, first, drive = random_costs(seed, objects, stops)
+    fill = ((0, 0), (0, columns - objects), (0, 0))
+    padded = np.pad(time, fill, constant_values=np.inf), np.pad(blockers, (*fill, fill[1]))
+    clutter = as_clutter(*padded)
+    least = np.min(clutter.time, axis=-1)
+    order, at = (np.asarray(x)[-objects:] for x in solve(least, first, drive, sets_of(objects, columns), clutter))
+    expected = min(
+        cost_in_clutter(each, poses, time, blockers, first, drive)
+        for each in itertools.permutations(range(objects))
+        for poses in itertools.product(range(stops), repeat=objects)
+    )
+    np.testing.assert_allclose(
+        cost_in_clutter(order.tolist(), at.tolist(), time, blockers, first, drive), expected, rtol=1e-6
+    )
 
 
 @pytest.mark.parametrize("objects", [1, 2, 3, 4])

@@ -14,7 +14,7 @@ from basenet_jax.planners.options import RefinedOptions
 from basenet_jax.planners.protocol import assemble_plan
 from basenet_jax.planners.refined import Refined
 from basenet_jax.planners.refinement import alternatives, cheapest_path, reassign, refine
-from basenet_jax.planners.route import Route, as_plan, as_route, reason_by_slot
+from basenet_jax.planners.route import as_plan, as_route, reason_by_slot
 from basenet_jax.task.prepared_world import prepare_world
 from tests import compiled
 
@@ -130,7 +130,7 @@ def test_an_idle_stop_is_left_out_only_if_that_is_no_worse(planner, four_objects
 
     def refine_and_reassign(robot, scene, route, *_, **__):
         del robot, scene
-        return route, Route(route.stops, jnp.zeros_like(route.stop_of))  # everything from the first stop
+        return route, route._replace(stop_of=jnp.zeros_like(route.stop_of))  # everything from the first stop
 
     def worth(scene, plan):
         del scene

@@ -147,7 +147,7 @@ BAD = [
     ("on: bench", "on: table", "objects[0].on: found 'table', allowed are names of surfaces: 'bench', 'shelf_2'"),
     ("on: bench", "on: shelf_2", "objects[0].pose: found [2.1, 3.3, 0.4], off 'shelf_2', allowed are poses whose x,"),
     ("[1.9, 3.7, 0.0]", "[1.9, 4.1, 0.0]", "objects[1].pose: found [1.9, 4.1, 0.0], off every surface, allowed are"),
-    ("[1.9, 3.7, 0.0]", "[2.1, 3.4, 0.0]", "objects[1].pose: found 0.1000 m to the centre of objects[0] ('mug_1'),"),
+    ("[1.9, 3.7, 0.0]", "[2.1, 3.4, 0.0]", "objects[1].pose: found [2.1, 3.4, 0.0], where its rectangle overlaps that"),
     (
         "z: 1.9}",
         "z: 0.9}\n  - {name: crate, pose: [2.1, 3.3, 0.0], size: [0.3, 0.3, 0.5], z: 0.82}",
@@ -203,7 +203,9 @@ def test_objects_stand_on_boards_above_one_another_but_not_through_them(folder):
     assert len(load_text(folder, json.dumps(room), "room.json").names) == 4
     room["objects"][3]["size"] = [0.05, 0.05, 0.5]
     found = message(folder, json.dumps(room), "room.json")
-    assert found.startswith("objects[3].pose: found 0.0000 m to the centre of objects[2] ('part_7'), allowed are ")
+    assert found.startswith(
+        "objects[3].pose: found [6.1, 0.45, 1.1], where its rectangle overlaps that of objects[2] ("
+    )
     del room["objects"][2]
     found = message(folder, json.dumps(room), "room.json")
     assert found.startswith("objects[2].pose: found [6.1, 0.45, 1.1], inside 'shelf_2', allowed are poses outside")
