@@ -1,6 +1,7 @@
 """Random problems in which objects are in each other's way, and what any order can have of them, by brute force."""
 
 import itertools
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +21,8 @@ def random_clutter(seed, stops, objects, ways=2, served=0.6):
 
 
 def as_clutter(time, blockers):
-    return Clutter(time, as_bits(blockers, np))
+    arrays: tuple[Any, ...] = (time, as_bits(blockers, np))
+    return Clutter(*arrays)
 
 
 def time_of(time, blockers, stop, item, gone):

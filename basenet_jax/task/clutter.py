@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.typing import ArrayLike
 from jaxtyping import Bool, Float, UInt32
 
 from basenet_jax import struct
@@ -25,7 +26,7 @@ class Clutter:
     time: Float[Array, "*batch K M A"]  # s; infinite: no such way
     blockers: UInt32[Array, "*batch K M A W"]  # the objects that must be gone, as bits; see `as_bits`
 
-    def times_among(self, standing: Bool[Array, "*batch M"], numpy: Any = jnp) -> Float[Array, "*batch K M"]:
+    def times_among(self, standing: Bool[ArrayLike, "*batch M"], numpy: Any = jnp) -> Float[Array, "*batch K M"]:
         """Pick times (s) while these objects stand; infinite where none of the ways is open.
 
         Args:
@@ -36,32 +37,34 @@ class Clutter:
         blocked = numpy.any((self.blockers & words) != 0, axis=-1)
         return numpy.min(numpy.where(blocked, numpy.inf, self.time), axis=-1)
 
-    def without(self, standing: Bool[Array, "*batch M"], numpy: Any = jnp) -> "Clutter":
+    def without(self, standing: Bool[ArrayLike, "*batch M"], numpy: Any = jnp) -> "Clutter":
         """The ways that are open although these objects stay for ever."""
         words = as_bits(standing, numpy)[..., None, None, None, :]
         blocked = numpy.any((self.blockers & words) != 0, axis=-1)
         return Clutter(numpy.where(blocked, numpy.inf, self.time), self.blockers)
 
-    def only(self, serves: Bool[Array, "*batch K M"], numpy: Any = jnp) -> "Clutter":
+    def only(self, serves: Bool[ArrayLike, "*batch K M"], numpy: Any = jnp) -> "Clutter":
         """The ways of these pairs of stop and object alone."""
-        return Clutter(numpy.where(serves[..., None], self.time, numpy.inf), self.blockers)
+        return Clutter(numpy.where(numpy.asarray(serves)[..., None], self.time, numpy.inf), self.blockers)
 
 
-def as_bits(members: Bool[Array, "*batch M"], numpy: Any = jnp) -> UInt32[Array, "*batch W"]:
+def as_bits(members: Bool[ArrayLike, "*batch M"], numpy: Any = jnp) -> UInt32[Array, "*batch W"]:
     """A set of objects as bits: object `o` is bit `o % 32` of word `o // 32`."""
-    count = members.shape[-1]
-    padded = numpy.pad(members, [(0, 0)] * (members.ndim - 1) + [(0, -count % _WORD)])
-    words = padded.reshape(*members.shape[:-1], -1, _WORD).astype(numpy.uint32)
+    flags: Any = numpy.asarray(members)
+    count = flags.shape[-1]
+    padded = numpy.pad(flags, [(0, 0)] * (flags.ndim - 1) + [(0, -count % _WORD)])
+    words = padded.reshape(*flags.shape[:-1], -1, _WORD).astype(numpy.uint32)
     return numpy.sum(words << numpy.arange(_WORD, dtype=numpy.uint32), axis=-1, dtype=numpy.uint32)
 
 
-def as_members(bits: UInt32[np.ndarray, "*batch W"], count: int) -> Bool[np.ndarray, "*batch M"]:
+def as_members(bits: UInt32[ArrayLike, "*batch W"], count: int) -> Bool[np.ndarray, "*batch M"]:
     """The set of M objects that some bits stand for, on the host."""
-    members = (bits[..., None] >> np.arange(_WORD, dtype=np.uint32)) & 1
-    return members.reshape(*bits.shape[:-1], -1)[..., :count].astype(bool)
+    words = np.asarray(bits)
+    members = (words[..., None] >> np.arange(_WORD, dtype=np.uint32)) & 1
+    return members.reshape(*words.shape[:-1], -1)[..., :count].astype(bool)
 
 
-def obtainable(clutter: Clutter, reachable: Bool[Array, "*batch K"], numpy: Any = jnp) -> Bool[Array, "*batch M"]:
+def obtainable(clutter: Clutter, reachable: Bool[ArrayLike, "*batch K"], numpy: Any = jnp) -> Bool[Array, "*batch M"]:
     """All objects that some order of picks can have.
 
     Args:
@@ -69,7 +72,7 @@ def obtainable(clutter: Clutter, reachable: Bool[Array, "*batch K"], numpy: Any 
         reachable: which stops can be driven to.
         numpy: the module that computes it.
     """
-    time = numpy.where(reachable[..., None, None], clutter.time, numpy.inf)
+    time = numpy.where(numpy.asarray(reachable)[..., None, None], clutter.time, numpy.inf)
     ways = Clutter(time, clutter.blockers)
 
     def grow(gone: Array) -> Array:

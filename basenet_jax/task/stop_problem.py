@@ -28,7 +28,7 @@ class StopProblem:
     reason: Int[Array, "*batch M"]  # a `Reason`: why an object can't be; NONE for the others, and for empty slots
     clutter: Clutter | None = None  # where objects are in each other's way; `pick_time` is with all others gone
 
-    def times_among(self, standing: Bool[Array, "*batch M"]) -> Float[Array, "*batch K M"]:
+    def times_among(self, standing: Bool[ArrayLike, "*batch M"]) -> Float[Array, "*batch K M"]:
         """Pick times (s) while these objects stand; infinite where the stop can't serve the object yet."""
         return self.pick_time if self.clutter is None else self.clutter.times_among(standing)
 

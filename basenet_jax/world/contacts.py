@@ -48,7 +48,8 @@ def boxes_touched(
     def check(pair: Int[Array, " P"], touched: Array) -> Array:
         row, box = jnp.divmod(jnp.minimum(pair, near.size - 1), count)
         own = jax.tree.map(lambda x: x[row, box], boxes)
-        found = _touches(*jax.tree.map(lambda x: x[:, row], (start, end)), radius, own)
+        some_start, some_end = (tuple(x[:, row] for x in side) for side in (start, end))
+        found = _touches(some_start, some_end, radius, own)
         return touched.at[jnp.where(pair < near.size, row, len(near)), box].set(found, mode="drop")
 
     return rounds.over_chosen(near.ravel(), check, jnp.zeros(near.shape, bool), min(near.size, _PAIRS_AT_ONCE))
@@ -95,8 +96,8 @@ def _touches(start: Vector, end: Vector, radius: Float[Array, " C"], box: Boxes)
         """One capsule in all its states."""
         at = jnp.minimum(row, near.size - 1)
         which, pair = jnp.divmod(at, pairs)
-        ends = (tuple(x.reshape(near.size, -1)[at] for x in side) for side in (start, end))
-        distance = segment_box_distance(*ends, tuple(h[pair, None] for h in half))
+        some_start, some_end = (tuple(x.reshape(near.size, -1)[at] for x in side) for side in (start, end))
+        distance = segment_box_distance(some_start, some_end, tuple(h[pair, None] for h in half))
         found = jnp.any(distance <= radius[which, None], axis=1)
         return touches.at[jnp.where(row < near.size, pair, pairs)].max(found, mode="drop")
 

@@ -1,5 +1,7 @@
 """Which objects of a problem can be had, and why the others can't."""
 
+from typing import Any
+
 import jax.numpy as jnp
 import numpy as np
 
@@ -38,7 +40,8 @@ def test_what_stands_in_the_way_for_ever_is_the_reason():
     blockers = np.zeros((2, 5, 1, 5), bool)
     blockers[0, 1, 0, 0] = blockers[0, 2, 0, 3] = True
     why = np.full(5, int(Reason.ARM_COLLIDES))
-    clutter, first = Clutter(time, as_bits(blockers, np)), np.array([2.0, NEVER])
+    arrays: tuple[Any, ...] = (time, as_bits(blockers, np))
+    clutter, first = Clutter(*arrays), np.array([2.0, NEVER])
     for numpy in (np, jnp):
         problem = make_problem(
             POSES[:2], DRIVE[:2, :2], time.min(axis=-1), first, np.ones(5, bool), why, numpy, clutter=clutter

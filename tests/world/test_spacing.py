@@ -19,7 +19,7 @@ size = st.tuples(side, side, st.just(0.1))
 
 def overlapping(first, second) -> bool:
     """Of two objects (pose, size, whether of own size)."""
-    (one, other) = (Footprints(*(np.array([leaf]) for leaf in each)) for each in (first, second))
+    (one, other) = (Footprints(*map(np.array, ([leaf] for leaf in each)), crowded=False) for each in (first, second))
     return bool(gaps(one, other)[0, 0] < 0)
 
 
