@@ -3,7 +3,7 @@
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from basenet_jax.robot.model import Robot
 from basenet_jax.world.boxes import UNBOUNDED, Boxes, Room
@@ -33,6 +33,12 @@ def twelve_boxes(rng: np.random.Generator) -> Room:
 
 def office(rng: np.random.Generator) -> Room:
     """A map of 20 x 20 m: sixteen rooms with doors of 1.6 m, and ragged furniture."""
+    floor: Any = np.array(UNBOUNDED)
+    return Room(map_boxes(OccupancyMap(office_cells(rng), 0.05, (0.0, 0.0, 0.0))), floor)
+
+
+def office_cells(rng: np.random.Generator) -> Bool[np.ndarray, "400 400"]:
+    """The closed cells of such a map."""
     closed = np.zeros((400, 400), bool)
     for wall in (100, 200, 300):
         closed[:, wall : wall + 3] = closed[wall : wall + 3] = True
@@ -44,8 +50,7 @@ def office(rng: np.random.Generator) -> Room:
         closed[y : y + height, x : x + width] = True
         for row in y + rng.integers(height, size=4):
             closed[min(row, 399), x + width : x + width + rng.integers(1, 3)] = True
-    floor: Any = np.array(UNBOUNDED)
-    return Room(map_boxes(OccupancyMap(closed, 0.05, (0.0, 0.0, 0.0))), floor)
+    return closed
 
 
 def stops_along(robot: Robot, boxes: Boxes, step: float = 0.1) -> Float[np.ndarray, "N 3"]:

@@ -16,7 +16,7 @@ FLAT_M = 0.01  # height of boxes that say nothing of heights: on the floor, any 
 
 # Bounds far beyond any real room, within which float32 keeps tenths of a millimetre and milliradians.
 Position = Annotated[float, Meta(ge=-100, le=100)]
-Angle = Annotated[float, Meta(ge=-100, le=100)]
+Angle = Annotated[float, Meta(ge=-6.3, le=6.3)]  # a turn, which degrees go beyond
 Pose = tuple[Position, Position, Angle]
 _Side = Annotated[float, Meta(ge=0.01, le=100)]
 _Thin = Annotated[float, Meta(ge=0.001, le=3)]

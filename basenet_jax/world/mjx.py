@@ -29,8 +29,9 @@ from basenet_jax import struct
 from basenet_jax.config import PickConfig, TableConfig
 from basenet_jax.robot.kinematics import Vector
 from basenet_jax.robot.model import Robot
+from basenet_jax.robot.robot_mjcf import BODY
 from basenet_jax.world import mujoco_scene
-from basenet_jax.world.boxes import Room
+from basenet_jax.world.boxes import Room, blocks
 from basenet_jax.world.mujoco_scene import PARKED
 from basenet_jax.world.scene import MAX_OBJECTS, Scene
 
@@ -42,13 +43,14 @@ CHUNK = 4096  # states that `arm_touches` gives to MJX at a time
 
 @struct.dataclass
 class MjxScene:
-    """The MJX model of a table, a robot and object slots, and what is needed to place and to query them."""
+    """The MJX model of a room of B boxes, a robot and object slots, and what is needed to place and to query them."""
 
     model: Any  # mjx.Model
     blank: Any  # mjx.Data with all objects parked
     room: Room
     addresses: tuple[int, ...] = struct.field(pytree_node=False)  # of base pose and joints in qpos
-    table_geoms: tuple[int, int] = struct.field(pytree_node=False)  # the table's box, the grown table
+    boxes: tuple[tuple[int, int], ...] = struct.field(pytree_node=False)  # geoms of each: the box, the grown one
+    body_top: float = struct.field(pytree_node=False)  # m, of the robot's body: higher boxes don't block the base
     config: PickConfig = struct.field(pytree_node=False)
 
     @classmethod
@@ -59,35 +61,56 @@ class MjxScene:
 
         Args:
             robot: the robot (concrete).
-            table: one table; may be traced. The default config's if None.
+            room: one room; may be traced. The default config's table if None.
             slots: how many objects there can be. Contacts don't involve them, so 0 is cheapest where nothing is shown.
             config: the base's clearance, and up to which distance it counts as touching.
         """
+        count = 1 if room is None else room.boxes.low.shape[-1]
         with jax.ensure_compile_time_eval():
-            first = Room.from_config(TableConfig())
-            model = mujoco_scene.build_model(robot, first, np.full((slots, 3), 0.1), config=config)
+            table = Room.from_config(TableConfig())
+            alike = table.replace(boxes=jax.tree.map(lambda x: np.repeat(x, count, axis=0), table.boxes))
+            model = mujoco_scene.build_model(robot, alike, np.full((slots, 3), 0.1), config=config)
             addresses = tuple(int(address) for address in mujoco_scene.state_addresses(robot, model))
-            geoms = (model.geom(f"{mujoco_scene.BOX} 0").id, model.geom(f"{mujoco_scene.KEEP_OUT} 0").id)
-            scene = cls(mjx.put_model(model), mjx.make_data(model), first, addresses, geoms, config)
-        return scene if room is None else scene.with_table(room)
+            names = [(f"{mujoco_scene.BOX} {i}", f"{mujoco_scene.KEEP_OUT} {i}") for i in range(count)]
+            geoms = tuple((model.geom(own).id, model.geom(grown).id) for own, grown in names)
+            body = model.geom(mujoco_scene.ROBOT + BODY)
+            top = float(body.pos[2] + body.size[2])
+            scene = cls(mjx.put_model(model), mjx.make_data(model), alike, addresses, geoms, top, config)
+        return scene.with_room(table if room is None else room)
 
-    def with_table(self, room: Room) -> "MjxScene":
-        """The same with another table, which may be traced or vmapped over."""
-        box, grown = self.table_geoms
-        clearance = self.config.base_clearance_m
-        half_height = room.table_height / 2
-        sizes, positions = self.model.geom_size, self.model.geom_pos
-        sizes = sizes.at[box].set(jnp.append(room.table_half_size, half_height).astype(sizes.dtype))
-        sizes = sizes.at[grown, :2].set((room.table_half_size + clearance).astype(sizes.dtype))
-        positions = positions.at[box, 2].set(half_height)
-        return self.replace(model=self.model.replace(geom_size=sizes, geom_pos=positions), room=room)
+    def with_room(self, room: Room) -> "MjxScene":
+        """The same with another room of as many boxes, which may be traced or vmapped over.
+
+        A box that doesn't block the arm, or the base, is far below the floor to what asks for the other's contacts.
+        """
+        boxes, (own, grown) = room.boxes, np.array(self.boxes).T
+        if boxes.low.shape[-1] != len(own):
+            raise ValueError(f"room: found {boxes.low.shape[-1]} boxes, allowed are {len(own)}, as the model has")
+        clearance, below = self.config.base_clearance_m, PARKED[2]
+        sizes, positions, turns = self.model.geom_size, self.model.geom_pos, self.model.geom_quat
+        half, middle = 0.5 * (boxes.high - boxes.low), 0.5 * (boxes.high + boxes.low)
+        half_yaw = 0.5 * boxes.pose[:, 2]
+        turn = jnp.zeros((len(own), 4)).at[:, 0].set(jnp.cos(half_yaw)).at[:, 3].set(jnp.sin(half_yaw))
+        heights = (
+            (own, jnp.where(boxes.blocks_arm, middle, below - half)),
+            (grown, jnp.where(blocks(boxes, self.body_top), mujoco_scene.SLAB, below)),
+        )
+        for geoms, height in heights:
+            at = jnp.concatenate([boxes.pose[:, :2], height[:, None]], axis=-1)
+            positions = positions.at[geoms].set(at.astype(positions.dtype))
+            turns = turns.at[geoms].set(turn.astype(turns.dtype))
+        size = jnp.concatenate([boxes.half_size, half[:, None]], axis=-1)
+        sizes = sizes.at[own].set(size.astype(sizes.dtype))
+        sizes = sizes.at[grown, :2].set((boxes.half_size + clearance).astype(sizes.dtype))
+        model = self.model.replace(geom_size=sizes, geom_pos=positions, geom_quat=turns)
+        return self.replace(model=model, room=room)
 
     def place(self, scene: Scene, base_pose: Float[Array, "3"], joints: Float[Array, " dof"]) -> mjx.Data:
         """One state with frames computed, unbatched; vmap it over scenes, poses and joints.
 
         Args:
-            scene: its objects (at most the model's slots; unused ones are parked); its table is ignored, see
-                `with_table`.
+            scene: its objects (at most the model's slots; unused ones are parked); its room is ignored, see
+                `with_room`.
             base_pose: x, y (m), heading (rad) in W.
             joints: rad.
         """
@@ -116,11 +139,11 @@ class MjxScene:
         return jnp.min(contact.dist[:of_base]), jnp.min(contact.dist[of_base:])
 
     def base_touches(self, data: mjx.Data) -> Bool[Array, ""]:
-        """Whether the footprint touches the grown table (rule 1)."""
+        """Whether the footprint touches a grown box (rule 1); the floor's bounds are no matter of contacts."""
         return self.distances(data)[0] <= self.config.touching_m
 
     def arm_touches(self, data: mjx.Data) -> Bool[Array, ""]:
-        """Whether a capsule of arm or gripper touches the table's box or the body box (rule 4)."""
+        """Whether a capsule of arm or gripper touches a box or the body box (rule 4)."""
         return self.distances(data)[1] <= 0.0
 
 
@@ -168,18 +191,26 @@ def arm_touches(robot: Robot, base_pose: Vector, joints: Float[Array, "dof *batc
         robot: the robot; its arrays may be traced.
         base_pose: x, y (m), heading (rad) in W, struct of arrays.
         joints: rad; its batch broadcasts against the pose's.
-        table: one table, or a batch of them that broadcasts against the states.
+        room: one room, or a batch of them that broadcasts against the states.
     """
     # Of the arrays the model holds only the footprint, which this rule doesn't need.
-    scene = MjxScene.create(robot.replace(footprint_half_size=np.ones(2)), slots=0)
+    one = jax.tree.map(lambda x: x.reshape(-1, *x.shape[room.boxes.low.ndim - 1 :])[0], room)
+    scene = MjxScene.create(robot.replace(footprint_half_size=np.ones(2)), one, slots=0)
     states = jnp.stack(jnp.broadcast_arrays(*base_pose, *joints), axis=-1)
     shape = states.shape[:-1]
-    half_size = jnp.broadcast_to(room.table_half_size, (*shape, 2)).reshape(-1, 2)
-    rooms = Room.of_table(half_size=half_size, height=jnp.broadcast_to(room.table_height, shape).reshape(-1))
+    rows = states.reshape(-1, states.shape[-1])
 
-    def touches(case: tuple[Array, Room]) -> Array:
-        state, room = case
-        placed = scene.with_table(room)
+    def touches(state: Array, placed: MjxScene) -> Array:
         return placed.arm_touches(placed.move(placed.blank, state[:3], state[3:]))
 
-    return jax.lax.map(touches, (states.reshape(-1, states.shape[-1]), rooms), batch_size=CHUNK).reshape(shape)
+    if not room.batched:
+        found = jax.lax.map(lambda state: touches(state, scene), rows, batch_size=CHUNK)
+    else:
+        rooms = _as_rows(room, room.boxes.low.ndim - 1, shape)
+        found = jax.lax.map(lambda case: touches(case[0], scene.with_room(case[1])), (rows, rooms), batch_size=CHUNK)
+    return found.reshape(shape)
+
+
+def _as_rows(room: Room, own: int, batch: tuple[int, ...]) -> Room:
+    """Rooms whose batch has so many axes, broadcast to a batch, one for each of its rows."""
+    return jax.tree.map(lambda x: jnp.broadcast_to(x, (*batch, *x.shape[own:])).reshape(-1, *x.shape[own:]), room)

@@ -19,7 +19,7 @@ from basenet_jax.documents.fields import DocumentError, convert, describe, field
 from basenet_jax.documents.text_files import find_file, read_bytes, read_yaml
 from basenet_jax.world.boxes import Boxes
 from basenet_jax.world.footprints import in_frame
-from basenet_jax.world.furniture import FLAT_M
+from basenet_jax.world.furniture import FLAT_M, Angle
 from basenet_jax.world.rectangles import cover
 
 MAX_CELLS = 4_000_000
@@ -38,7 +38,7 @@ class MapFields(Struct, kw_only=True):
 
     image: str
     resolution: Annotated[float, Meta(ge=0.001, le=10)]  # m, a cell's side
-    origin: tuple[_Position, _Position, Annotated[float, Meta(ge=-100, le=100)]]  # pose of the lower left corner
+    origin: tuple[_Position, _Position, Angle]  # pose of the lower left corner
     negate: Annotated[int, Meta(ge=0, le=1)] | bool  # whether white is occupied
     occupied_thresh: _Share
     free_thresh: _Share
@@ -49,7 +49,7 @@ _ALLOWED = {
     "image": "is the image's name, in the map's folder or below",
     "resolution": "is a number from 0.001 to 10 (m)",
     "origin": "is [x, y, yaw], three numbers (m, m, rad)",
-    "origin[]": "is a number from -1000 to 1000 (m), or -100 to 100 (rad)",
+    "origin[]": "is a number from -1000 to 1000 (m), and the angle from -6.3 to 6.3 (rad; degrees?)",
     "negate": "is 0 or 1",
     "occupied_thresh": "is a number from 0 to 1",
     "free_thresh": "is a number from 0 to 1",

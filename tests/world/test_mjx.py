@@ -1,6 +1,8 @@
 import dataclasses
 import subprocess
 import sys
+from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -10,7 +12,7 @@ import pytest
 from basenet_jax.config import PickConfig
 from basenet_jax.task.picking import pick
 from basenet_jax.world import clearance, mujoco_scene
-from basenet_jax.world.boxes import Room
+from basenet_jax.world.boxes import UNBOUNDED, Boxes, Room
 from basenet_jax.world.grasps import top_down
 from tests import compiled
 from tests.world.states import DOF, ROUNDING, TOUCHING, doubtful
@@ -86,10 +88,69 @@ def test_mjx_arm_check_takes_a_table_per_state_and_broadcasts(mjx_arm_check, rob
     assert np.mean(found != same_table) > 4 * MJX_MISSES
 
 
+@pytest.fixture(scope="module")
+def three_boxes():
+    """A turned table, a board that the base passes under, a rectangle to keep out of, and one that only pads."""
+    rows = [
+        (0.3, -0.2, 0.4, 0.6, 0.4),
+        (1.4, 0.9, -0.8, 0.5, 0.3),
+        (-1.2, 0.8, 1.1, 0.4, 0.4),
+        (0.0, 0.0, 0.0, 0.0, 0.0),
+    ]
+    numbers = np.array(rows, np.float32)
+    leaves: tuple[Any, ...] = (
+        numbers[:, :3],
+        numbers[:, 3:],
+        np.array([0.0, 1.0, 0.0, 0.0], np.float32),
+        np.array([0.75, 1.1, 0.01, 0.0], np.float32),
+        np.array([True, True, True, False]),
+        np.array([True, True, False, False]),
+        np.array([True, True, False, False]),
+    )
+    floor: Any = np.array(UNBOUNDED, np.float32)
+    return Room(Boxes(*leaves), floor)
+
+
+def test_contacts_in_a_room_agree_with_mujoco(mjx, robot, three_boxes, states):
+    """Turned boxes, and those that block base or arm alone; misses and rounding as with one table."""
+    count = 1000
+    states = states[:count]
+    distance = mujoco_scene.MujocoChecker(robot, three_boxes).distances(states[:, :3], states[:, 3:])
+    # Made for a room of as many boxes that block nothing: all is in what the room is given later.
+    nothing = jax.tree.map(lambda x: np.zeros_like(x), three_boxes.boxes)
+    empty = mjx.MjxScene.create(robot, dataclasses.replace(three_boxes, boxes=nothing), slots=0)
+
+    def touches(room, state):
+        own = empty.with_room(room)
+        data = own.move(own.blank, state[:3], state[3:])
+        return own.base_touches(data), own.arm_touches(data)
+
+    found = jax.jit(lambda room, states: jax.vmap(partial(touches, room))(states))
+    base, arm = (np.asarray(x) for x in found(three_boxes, states.astype(np.float32)))
+    clear = ~doubtful(distance[:, 0], TOUCHING)
+    np.testing.assert_array_equal(base[clear], distance[clear, 0] <= TOUCHING)
+    assert 0.1 < base.mean() < 0.9
+    assert not np.any(arm & (distance[:, 1] > ROUNDING))
+    missed = ~arm & (distance[:, 1] < -ROUNDING)
+    assert missed.sum() <= 4 * MJX_MISSES * np.sum(distance[:, 1] <= 0.0) + 1  # few states: chance has its part
+    assert np.all(distance[missed, 1] > -MJX_MISS_DEPTH)
+    by_kernel = compiled.arm_collides(robot, states[:, :3], states[:, 3:], three_boxes)
+    clear = ~doubtful(distance[:, 1], 0.0) & ~missed
+    np.testing.assert_array_equal(arm[clear], np.asarray(by_kernel)[clear])
+    of_table = distance[:, 1] <= 0.0
+    own = mujoco_scene.MujocoChecker(robot, Room.from_config()).distances(states[:, :3], states[:, 3:])[:, 1] <= 0.0
+    assert np.mean(of_table != own) > 0.02, "says little"
+
+
+def test_a_room_of_another_number_of_boxes_is_refused(world, three_boxes):
+    with pytest.raises(ValueError, match="room: found 4 boxes, allowed are 1, as the model has"):
+        world.with_room(three_boxes)
+
+
 @pytest.mark.slow
 def test_mjx_base_contacts_follow_the_table(world, robot, states):
     small = Room.of_table(half_size=jnp.array([0.5, 0.9]), height=jnp.array(0.4))
-    own, pose = world.with_table(small), jnp.asarray(states[:1000, :3], jnp.float32)
+    own, pose = world.with_room(small), jnp.asarray(states[:1000, :3], jnp.float32)
     found = jax.jit(jax.vmap(lambda pose: own.base_touches(own.move(own.blank, pose, jnp.zeros(DOF)))))(pose)
     shrunk, grown = (clearance.base_collides(robot, pose, small, touching=TOUCHING + d) for d in (-ROUNDING, ROUNDING))
     clear = np.asarray(shrunk == grown)
@@ -126,7 +187,7 @@ def test_world_can_be_vmapped_over_tables_and_scenes(world, scene, robot):
 
     def place(scene, height):
         scene = dataclasses.replace(scene, surface_height=jnp.full(3, height))
-        own = world.with_table(Room.of_table(scene.room.table_half_size, height))
+        own = world.with_room(Room.of_table(scene.room.table_half_size, height))
         return own.place(scene, scene.robot_start, jnp.asarray(robot.home, jnp.float32)).mocap_pos[:, 2]
 
     z = jax.jit(jax.vmap(place))(scenes, heights)

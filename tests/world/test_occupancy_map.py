@@ -137,6 +137,7 @@ WRONG_FIELDS = [
     ("resolution", ".nan", "resolution: found nan, allowed are finite numbers"),
     ("resolution", "wide", "resolution: found 'wide', allowed is a number"),
     ("origin", [0, 0], "origin: found [0, 0], allowed is [x, y, yaw]"),
+    ("origin", [0, 0, 90.0], "origin[2]: found 90.0, allowed is a number from -1000 to 1000 (m), and the angle from"),
     ("origin", [0, 1e9, 0], "origin[1]: found 1000000000.0, allowed is a number from -1000"),
     ("negate", 2, "negate: found 2, allowed is 0 or 1"),
     ("occupied_thresh", 65, "occupied_thresh: found 65, allowed is a number from 0 to 1"),

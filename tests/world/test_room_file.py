@@ -163,6 +163,14 @@ BAD = [
     ("position: [0, 0, 0.3], ", "", "objects[2].grasps[0].position: found nothing, allowed is [x, y, z], three numb"),
     ("grasps:", "grasp:", "objects[2].grasp: found an unknown key, allowed are name, class, on, pose, size, grasps"),
     ("ur5e_mobile", "fetch", "robot.model: found 'fetch', allowed are panda_mobile, "),
+    ("pose: [2.0, 3.1, 1.5708]", "pose: [2.0, 3.1, 90.0]", "surfaces[0].pose[2]: found 90.0, allowed is a number from"),
+    (
+        "[4.0, 3.0, 0.0]",
+        "[4.0, 3.0, 45]",
+        "obstacles[0].pose[2]: found 45, allowed is a number from -100 to 100 (m), an",
+    ),
+    ("[1.9, 3.7, 0.0]", "[1.9, 3.7, -90]", "objects[1].pose[2]: found -90, allowed is a number from -100 to 100 (m),"),
+    ("start: [4.2, 1.0, 0.0]", "start: [4.2, 1.0, 90]", "robot.start[2]: found 90, allowed is a number from -100 to"),
     ("floor:", "map: none.yaml\nfloor:", "map: found 'none.yaml', allowed are files in the scene file's folder or b"),
     ("floor:", "map: 7\nfloor:", "map: found 7, allowed is the name of a map_server file, or no such key"),
 ]
