@@ -136,8 +136,15 @@ def _report(options: Arguments, scene: "NamedScene", setup: "PlannerSetup", time
 
     from basenet_jax import api
     from basenet_jax.commands.plan_outputs import OutputError, Wanted, write_outputs
-    from basenet_jax.commands.plan_report import failures, nearly_singular, print_explanation, print_plan, unsure
-    from basenet_jax.planners.explanation import count_reasons
+    from basenet_jax.commands.plan_report import (
+        failures,
+        nearly_singular,
+        print_explanation,
+        print_order,
+        print_plan,
+        unsure,
+    )
+    from basenet_jax.planners.explanation import count_reasons, what_waits
     from basenet_jax.task.reliability import Chance, with_reliability
 
     judged = api.execute(scene, timed.plan, world=setup.world, drive_times=setup.drive_times)
@@ -155,6 +162,7 @@ def _report(options: Arguments, scene: "NamedScene", setup: "PlannerSetup", time
     compiled = f"compiled before, in {timed.compile_time_s:.3g} s"
     print(f"planned by {options.planner} in {timed.planning_time_s:.3g} s ({compiled})")
     if counts is not None:
+        print_order(scene, what_waits(setup, scene.arrays, plan))
         print_explanation(scene, counts)
     print(*said, sep="\n", end="\n" if said else "")
     for name, value in nearly_singular(scene, plan, outcome):

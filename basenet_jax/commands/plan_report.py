@@ -96,6 +96,19 @@ def _in_a_room(scene: NamedScene, setup: PlannerSetup, slot: int, reason: Reason
     return f" (in the way: {said})" if said else ""
 
 
+def print_order(scene: NamedScene, waits: list[tuple[int, tuple[int, ...]]]) -> None:
+    """Prints why objects are picked after others.
+
+    Args:
+        scene: the scene.
+        waits: of `planners.explanation.what_waits`.
+    """
+    for slot, needed in waits:
+        names = " and ".join(repr(scene.names[other]) for other in needed)
+        stands = "they stand" if len(needed) > 1 else "it stands"
+        print(f"{scene.names[slot]!r} after {names}: {stands} before it")
+
+
 def print_explanation(scene: NamedScene, counts: Int[np.ndarray, "M reasons"]) -> None:
     """Prints, for each object, from how many candidate base poses it can be picked, and how many each rule excludes.
 

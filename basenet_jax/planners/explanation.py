@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -11,11 +12,12 @@ from jax import Array
 from jaxtyping import Bool, Float, Int
 
 from basenet_jax.config import PickConfig
-from basenet_jax.planners.candidates import may_reach
+from basenet_jax.planners.candidates import WAYS, may_reach
 from basenet_jax.planners.protocol import PlannerSetup
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.drives import DockedDrives
-from basenet_jax.task.picking import Reason, pick
+from basenet_jax.task.picking import Reason, Rules, Ways, pick, ways_to_pick
+from basenet_jax.task.plan import Plan
 from basenet_jax.world.boxes import Room
 from basenet_jax.world.grasps import Grasps
 from basenet_jax.world.scene import Scene
@@ -80,6 +82,40 @@ def in_the_way(setup: PlannerSetup, scene: Scene, slot: int, box_names: Sequence
         return InTheWay((), together=False)
     alone = tuple(name for name in near if can_be_picked_without({name}))
     return InTheWay(alone or near, together=not alone)
+
+
+def what_waits(setup: PlannerSetup, scene: Scene, plan: Plan) -> list[tuple[int, tuple[int, ...]]]:
+    """Slots of the objects that a plan picks in a way that needs others gone first, in its order, and theirs.
+
+    Args:
+        setup: with the scene's room.
+        scene: unbatched.
+        plan: of the scene.
+    """
+    if not Rules.of(setup.world.pick, scene.room).object_in_the_way:
+        return []
+    ways = jax.device_get(_ways(setup.robot, scene, plan.base_pose, plan.object_index, setup.world.pick))
+    gone, waits = np.zeros(len(ways.blockers[0, 0]), bool), []
+    for step, slot in enumerate(np.asarray(plan.object_index).tolist()):
+        if slot < 0 or not plan.served[step]:
+            continue
+        time = np.where(np.any(ways.blockers[step] & ~gone, axis=-1), np.inf, ways.time[step])
+        needed = np.flatnonzero(ways.blockers[step, int(np.argmin(time))])
+        if np.isfinite(np.min(time)) and len(needed):
+            waits.append((slot, tuple(needed.tolist())))
+        gone[slot] = True
+    return waits
+
+
+@partial(jax.jit, static_argnames="config")
+def _ways(robot: Robot, scene: Scene, base_pose: Array, slot: Array, config: PickConfig) -> Ways:
+    """The ways of each step of a plan, all others standing."""
+    at = jnp.maximum(slot, 0)
+    grasps = jax.tree.map(lambda x: x[at], scene.grasps)
+    others = jax.tree.map(lambda x: jnp.broadcast_to(x, (len(at), *x.shape)), scene.object_boxes)
+    own = at[:, None] == jnp.arange(len(scene.mask))
+    others = dataclasses.replace(others, blocks_arm=others.blocks_arm & ~own)
+    return ways_to_pick(robot, base_pose, grasps, scene.room, others, config, ways=WAYS)
 
 
 def _poses_round(setup: PlannerSetup, grasps: Grasps) -> tuple[Float[Array, "K 3"], Bool[np.ndarray, " K"]]:
