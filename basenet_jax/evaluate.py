@@ -5,17 +5,18 @@ import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from basenet_jax.command_line import PlannerArguments, parse, world_of_file
+from basenet_jax.command_line import PlannerArguments, UncertaintyArguments, parse, world_of_file
 from basenet_jax.config import WorldConfig
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arguments(PlannerArguments):
+class Arguments(PlannerArguments, UncertaintyArguments):
     """Runs planners on random scenes or scene files, judges their plans and writes the paper's Table I.
 
     Into --out come table.md, table.csv and results.json: share of objects grasped, planning time P, navigation time N,
     grasping time G and their sums, in seconds, with the spread over scenes. P is measured warm. Every executed pick is
-    replayed in MuJoCo. A planner that refuses a number of objects gets a row that says so.
+    replayed in MuJoCo. A planner that refuses a number of objects gets a row that says so. With --uncertainty planners
+    that can are there twice, as they are and planning for errors ("robust"), with how sure their picks are.
     """
 
     out: Path
@@ -38,6 +39,8 @@ class Arguments(PlannerArguments):
     """So many scenes are planned again and again, for P; the rest once, together where the planner can."""
     devices: int | None = None
     """How many of this machine's devices plan the scenes beyond --timed together. Default: all."""
+    noise: bool = False
+    """With --uncertainty: also executes all plans with these errors; what is left after parking is planned anew."""
     config: Path | None = None
     """YAML or JSON file of settings, such as a training's config.json, whose world is used. Options come before it."""
     world: WorldConfig = field(default_factory=WorldConfig)
@@ -62,17 +65,25 @@ def _evaluate(options: Arguments, given: list[str]) -> int:
     from basenet_jax.commands.table_files import write_tables
     from basenet_jax.commands.table_text import print_table
     from basenet_jax.compilation import enable_cache
+    from basenet_jax.evaluation.noise import Noise
     from basenet_jax.evaluation.preparation import Request, prepare
     from basenet_jax.evaluation.table import compare
     from basenet_jax.progress import make_reporter
+    from basenet_jax.task.reliability import Chance
 
     enable_cache()
     named = {each.name for each in dataclasses.fields(Request)} - {"options"}
     request = Request(**{name: getattr(options, name) for name in named}, options=options.given_options())
     try:
-        planners, sets, about = prepare(request, given)
+        uncertainty = options.given_uncertainty()
+        if options.noise and uncertainty is None:
+            raise ValueError("--noise: found without --uncertainty, which says how large the errors are")
+        planners, sets, about = prepare(request, given, uncertainty)
     except ValueError as error:
         return _fail(2, str(error))
+    noise = None
+    if uncertainty is not None:
+        noise = Noise(Chance.of(uncertainty, options.reliability), options.noise, options.seed)
     rows = compare(
         planners,
         sets,
@@ -80,6 +91,7 @@ def _evaluate(options: Arguments, given: list[str]) -> int:
         seed=options.seed,
         reporter=make_reporter(),
         timed=options.timed,
+        noise=noise,
     )
     try:
         write_tables(options.out, rows, about)

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -10,8 +11,8 @@ from typing import Any
 import msgspec
 
 from basenet_jax.atomic import write_atomically
-from basenet_jax.commands.table_text import check_cells, cost_cells
-from basenet_jax.evaluation.figures import Summary, per_scene, summarise
+from basenet_jax.commands.table_text import check_cells, cost_cells, noise_cells
+from basenet_jax.evaluation.figures import SHARES, Summary, per_scene, summarise
 from basenet_jax.evaluation.table import Row
 
 FORMAT = "basenet-evaluation/1"
@@ -52,6 +53,7 @@ def markdown(rows: Sequence[Row], about: dict[str, Any]) -> str:
         "stands beside it; picks that MuJoCo's replay found impossible; by how much first calls took longer, in all.",
         "",
         *_table(check_cells(rows)),
+        *_noisy(rows, about),
     ]
     refused = [f"- {row.planner}, {row.objects} objects: refused: {row.refused}" for row in rows if row.refused]
     return "\n".join([*lines, *(["", *refused] if refused else []), ""])
@@ -90,6 +92,19 @@ def results(rows: Sequence[Row], about: dict[str, Any]) -> str:
     return msgspec.json.format(msgspec.json.encode(content), indent=1).decode() + "\n"
 
 
+def _noisy(rows: Sequence[Row], about: dict[str, Any]) -> list[str]:
+    cells = noise_cells(rows)
+    if not cells:
+        return []
+    errors = about["uncertainty"]
+    spread = f"{errors['sd_xy_m']:g} m and {math.degrees(errors['sd_heading_rad']):.3g} degrees"
+    said = f"With errors of parking of {spread} (standard deviations, {errors['draws']} draws): how sure picks are"
+    more = "."
+    if len(cells[0]) > 2:
+        more = ";\nin what share of draws all picks are possible at first; what executing comes to, what is left replanned."
+    return ["", f"{said}{more}", "", *_table(cells)]
+
+
 def _timed(rows: Sequence[Row]) -> str:
     """In words, which scenes P is of, where it isn't all."""
     summaries = [summary for row in rows if (summary := summarise(row, rows))]
@@ -105,7 +120,7 @@ def _table(lines: Sequence[Sequence[str]]) -> list[str]:
 def _csv_lines(summary: Summary) -> list[list[Any]]:
     lines: list[list[Any]] = []
     for name, figure in summary.figures.items():
-        unit = "s" if name.endswith("_s") else "share"
+        unit = "s" if name.endswith("_s") else "share" if name in SHARES else "1"
         scenes = summary.timed if name in ("planning_s", "total_s") else summary.scenes
         lines.append([scenes, name, unit, figure.mean, _blank(figure.sd), *(figure.ci95 or ("", ""))])
     lines.append([summary.timed, "compile_s", "s", summary.compile_s, "", "", ""])

@@ -7,7 +7,7 @@ import rich.box
 from rich.console import Console
 from rich.table import Table
 
-from basenet_jax.evaluation.figures import Summary, summarise
+from basenet_jax.evaluation.figures import WITH_ERRORS, Summary, summarise
 from basenet_jax.evaluation.table import Row
 
 NOTHING = "-"  # where there is no such figure
@@ -29,6 +29,21 @@ def check_cells(rows: Sequence[Row]) -> list[list[str]]:
     return _lines(rows, header, [_ratio, _share, _disagreements, _compile])
 
 
+def noise_cells(rows: Sequence[Row], *, spread: bool = True) -> list[list[str]]:
+    """Where the robot parks with errors, the header first; empty where that wasn't looked at."""
+    summaries = [summary for row in rows if (summary := summarise(row, rows))]
+    if not any("reliability" in each.figures for each in summaries):
+        return []
+    if not any(f"{WITH_ERRORS}grasped" in each.figures for each in summaries):
+        return _lines(rows, ["method", "sure %"], [partial(_percent, "reliability")])
+    header = ["method", "sure %", "all at first %", "grasped %", "N (s)", "G (s)", "N + G (s)", "parkings"]
+    shares = ("reliability", f"{WITH_ERRORS}at_first", f"{WITH_ERRORS}grasped")
+    times = ("navigation_s", "grasping_s", "execution_s", "parkings")
+    columns = [partial(_percent, name) for name in shares]
+    show = _seconds if spread else _mean
+    return _lines(rows, header, [*columns, *(partial(show, f"{WITH_ERRORS}{name}") for name in times)])
+
+
 def print_table(rows: Sequence[Row], title: str) -> None:
     """Prints the means on stdout, narrow enough for 80 columns."""
     heading, note = f"{title}; times in s", "means over scenes; more in table.md"
@@ -44,6 +59,14 @@ def print_table(rows: Sequence[Row], title: str) -> None:
                 table.add_row(str(objects), row.planner, *cells)
         table.add_section()
     Console().print(table)
+    if cells := noise_cells(rows, spread=False):
+        header, *lines = cells
+        noisy = Table(title="where the robot parks with errors", box=rich.box.SIMPLE, pad_edge=False)
+        for column in header:
+            noisy.add_column(column, justify="left" if column == "method" else "right")
+        for line in lines:
+            noisy.add_row(*line)
+        Console().print(noisy)
 
 
 def _means(summary: Summary) -> list[str]:
@@ -70,10 +93,18 @@ def _grasped(summary: Summary) -> str:
     return f"{100 * summary.figures['grasped'].mean:.1f}"
 
 
+def _percent(name: str, summary: Summary) -> str:
+    return f"{100 * summary.figures[name].mean:.1f}"
+
+
 def _seconds(name: str, summary: Summary) -> str:
     figure = summary.figures[name]
     spread = "" if figure.sd is None else f"±{figure.sd:.{_digits(figure.mean)}f}"
     return f"{_number(figure.mean)}{spread}"
+
+
+def _mean(name: str, summary: Summary) -> str:
+    return _number(summary.figures[name].mean)
 
 
 def _number(value: float) -> str:

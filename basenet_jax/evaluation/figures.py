@@ -11,6 +11,8 @@ from basenet_jax.evaluation.table import REFERENCE, Row, Scores
 
 CONFIDENCE = 0.95
 RESAMPLES = 2_000
+WITH_ERRORS = "noisy_"  # before figures of executions with errors of parking
+SHARES = ("grasped", "reliability", f"{WITH_ERRORS}grasped", f"{WITH_ERRORS}at_first")
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,9 @@ class Summary:
     objects: int
     scenes: int
     timed: int  # scenes that were planned with a stopwatch, which P and P + N + G are of
-    figures: dict[str, Figure]  # grasped (share), planning_s, navigation_s, grasping_s, execution_s, total_s
+    figures: dict[
+        str, Figure
+    ]  # grasped (share), planning_s, navigation_s, grasping_s, execution_s, total_s, see `per_scene`
     planning_median_s: float  # of P over the scenes
     planning_max_s: float  # of the scene that took longest
     compile_s: float  # by how much first calls took longer, all scenes together
@@ -59,7 +63,7 @@ def summarise(row: Row, rows: Sequence[Row]) -> Summary | None:
         scenes=len(row.labels),
         timed=int(np.sum(~np.isnan(row.scores.planning_s))),
         figures={
-            name: mean_figure(values, most=1.0 if name == "grasped" else np.inf)
+            name: mean_figure(values, most=1.0 if name in SHARES else np.inf)
             for name, values in per_scene(row.scores, row.objects).items()
         },
         planning_median_s=float(np.nanmedian(row.scores.planning_s)),
@@ -71,8 +75,8 @@ def summarise(row: Row, rows: Sequence[Row]) -> Summary | None:
 
 
 def per_scene(scores: Scores, objects: int) -> dict[str, Float[np.ndarray, " B"]]:
-    """The table's figures on every scene: the share of objects grasped, and times in seconds."""
-    return {
+    """The table's figures on every scene: the share of objects grasped, times in seconds, and those with errors."""
+    figures = {
         "grasped": scores.grasped / objects,
         "planning_s": scores.planning_s,
         "navigation_s": scores.navigation_s,
@@ -80,6 +84,10 @@ def per_scene(scores: Scores, objects: int) -> dict[str, Float[np.ndarray, " B"]
         "execution_s": scores.execution_s,
         "total_s": scores.total_s,
     }
+    if scores.noisy is not None:
+        figures["reliability"] = scores.noisy.reliability
+        figures |= {f"{WITH_ERRORS}{name}": values for name, values in scores.noisy.executed.items()}
+    return figures
 
 
 def mean_figure(values: Float[np.ndarray, " B"], *, most: float = np.inf) -> Figure:

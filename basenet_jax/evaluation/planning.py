@@ -1,6 +1,7 @@
 """Plans of one planner for many scenes, and how long each of them took to make."""
 
 import contextlib
+import dataclasses
 import gc
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ from basenet_jax.planners.timed import TimedPlan, plan_timed
 from basenet_jax.progress import Reporter
 from basenet_jax.settings import Settings
 from basenet_jax.task.plan import Plan
+from basenet_jax.task.reliability import Chance
 from basenet_jax.world.boxes import Room, fingerprint
 from basenet_jax.world.scene import Scene
 
@@ -51,9 +53,27 @@ def own_options(names: Sequence[str], given: Mapping[str, Any]) -> dict[str, Set
     return registry.shared_options(names, given)
 
 
-def choose_planners(options: Mapping[str, Settings | None]) -> dict[str, MakePlanner]:
-    """What makes planners, by name and with their options."""
-    return {name: partial(registry.PLANNERS[name].make_planner, options=own) for name, own in options.items()}
+ROBUST = " robust"  # after a planner's name, where it plans for errors
+
+
+def choose_planners(options: Mapping[str, Settings | None], chance: Chance | None = None) -> dict[str, MakePlanner]:
+    """What makes planners, by name and with their options.
+
+    Args:
+        options: by planner.
+        chance: if given, each planner that can is there twice: as it is, and planning for errors.
+    """
+    factories: dict[str, MakePlanner] = {}
+    for name, own in options.items():
+        kind = registry.PLANNERS[name]
+        factories[name] = partial(kind.make_planner, options=own)
+        if chance is not None and kind.robust:
+            factories[f"{name}{ROBUST}"] = partial(_make_robust, kind, own, chance)
+    return factories
+
+
+def _make_robust(kind: registry.PlannerKind, options: Settings | None, chance: Chance, setup: PlannerSetup) -> Planner:
+    return kind.make_planner(dataclasses.replace(setup, chance=chance), options=options)
 
 
 class Planners:

@@ -11,7 +11,7 @@ from typing import Any
 
 import jax
 
-from basenet_jax.config import GridConfig, WorldConfig
+from basenet_jax.config import GridConfig, UncertaintyConfig, WorldConfig
 from basenet_jax.devices import use_devices
 from basenet_jax.evaluation import provenance
 from basenet_jax.evaluation.planning import Planners, choose_planners, own_options
@@ -19,6 +19,7 @@ from basenet_jax.evaluation.scene_sets import SceneSet, load_sets, random_set
 from basenet_jax.planners.protocol import PlannerSetup
 from basenet_jax.robot.reading import DEFAULT_ROBOT, load_robot
 from basenet_jax.settings import Settings
+from basenet_jax.task.reliability import Chance
 from basenet_jax.world.scene import MAX_OBJECTS
 
 DEFAULT_OBJECTS, DEFAULT_SCENES = (5, 10), 50
@@ -42,14 +43,19 @@ class Request:
     devices: int | None = None
     world: WorldConfig = field(default_factory=WorldConfig)
     grid: GridConfig = field(default_factory=GridConfig)
+    reliability: float = 0.95
+    noise: bool = False
 
 
-def prepare(request: Request, arguments: list[str]) -> tuple[Planners, list[SceneSet], dict[str, Any]]:
+def prepare(
+    request: Request, arguments: list[str], uncertainty: UncertaintyConfig | None = None
+) -> tuple[Planners, list[SceneSet], dict[str, Any]]:
     """The planners, the scenes, and what the results are made with (see `table_files.write_tables`).
 
     Args:
         request: what is asked for.
         arguments: the command's, for the record.
+        uncertainty: if given, planners that can are there twice, as they are and planning for these errors.
 
     Raises:
         ValueError: something asked for can't be had; the message says what was found and what is allowed.
@@ -58,7 +64,8 @@ def prepare(request: Request, arguments: list[str]) -> tuple[Planners, list[Scen
     use_devices(request.devices)  # so that too many are refused now
     given = request.options | ({} if request.devices is None else {"devices": request.devices})
     options = own_options(request.planners, given)
-    factories = choose_planners(options)
+    chance = None if uncertainty is None else Chance.of(uncertainty, request.reliability)
+    factories = choose_planners(options, chance)
     _check_folder(request.out)
     setup, sets, source = _scenes(request)
     planners = Planners(factories, setup)
@@ -76,6 +83,8 @@ def prepare(request: Request, arguments: list[str]) -> tuple[Planners, list[Scen
         "world": dataclasses.asdict(request.world),
         "grid": dataclasses.asdict(request.grid),
         "options": {name: _plain(own) for name, own in options.items() if own is not None},
+        **({} if uncertainty is None else {"uncertainty": dataclasses.asdict(uncertainty)}),
+        **({} if uncertainty is None else {"least_reliability": request.reliability}),
         "versions": provenance.versions(),
         "hardware": provenance.hardware(),
         "commit": provenance.commit(),

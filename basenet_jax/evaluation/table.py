@@ -1,5 +1,6 @@
 """The paper's Table I: what planners' plans cost on the same scenes, by the one judge and MuJoCo's replay."""
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -9,7 +10,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from basenet_jax.config import WorldConfig
-from basenet_jax.evaluation.planning import Planned, Planners, plan_all
+from basenet_jax.evaluation.noise import Noise, NoisyScores, judge_noisy
+from basenet_jax.evaluation.planning import ROBUST, Planned, Planners, plan_all
 from basenet_jax.evaluation.replay import confirmed, replay
 from basenet_jax.evaluation.scene_sets import SceneSet
 from basenet_jax.planners.protocol import PlanningError
@@ -34,6 +36,7 @@ class Scores:
     grasping_s: Float[np.ndarray, " B"]  # G
     disagreements: Int[np.ndarray, " B"]  # picks that the judge allows and MuJoCo doesn't
     reasons: tuple[dict[str, int], ...]  # per scene: how many objects are not grasped, by `Reason`
+    noisy: NoisyScores | None = None  # where the robot parks with errors; None: not looked at
 
     @property
     def execution_s(self) -> Float[np.ndarray, " B"]:
@@ -65,6 +68,7 @@ def compare(
     seed: int,
     reporter: Reporter,
     timed: int | None = None,
+    noise: Noise | None = None,
 ) -> list[Row]:
     """Runs every planner on every scene and judges all plans.
 
@@ -77,6 +81,7 @@ def compare(
         seed: of planners that draw random numbers.
         reporter: told of the progress.
         timed: so many scenes, the first ones, give the planning time; see `plan_all`.
+        noise: if given, plans are judged with errors of parking too.
 
     Returns:
         A row for each set and planner, in their order.
@@ -101,10 +106,28 @@ def compare(
         if planned:
             reporter.stage(f"{scenes.objects} objects: judging and replaying {len(planned) * len(scenes)} plans")
             scores = judge(planners.setup.robot, scenes.scenes, planned, planners.setup.world)
+            if noise is not None:
+                scores = {
+                    name: dataclasses.replace(own, noisy=_noisy(planners, name, scenes, planned[name], noise, reporter))
+                    for name, own in scores.items()
+                }
         rows += [
             Row(name, scenes.objects, scenes.labels, scores.get(name), refused.get(name)) for name in planners.names
         ]
     return rows
+
+
+def _noisy(
+    planners: Planners, name: str, scenes: SceneSet, planned: Planned, noise: Noise, reporter: Reporter
+) -> NoisyScores:
+    setup = planners.setup
+    if name.endswith(ROBUST):
+        setup = dataclasses.replace(setup, chance=noise.chance)
+    reporter.start(f"{scenes.objects} objects, {name}, with errors", len(scenes), unit="scenes")
+    try:
+        return judge_noisy(setup, scenes, planned.plans, noise, reporter)
+    finally:
+        reporter.finish()
 
 
 def judge(robot: Robot, scenes: Scene, planned: dict[str, Planned], world: WorldConfig) -> dict[str, Scores]:
