@@ -101,7 +101,9 @@ def _noisy(rows: Sequence[Row], about: dict[str, Any]) -> list[str]:
     said = f"With errors of parking of {spread} (standard deviations, {errors['draws']} draws): how sure picks are"
     more = "."
     if len(cells[0]) > 2:
-        more = ";\nin what share of draws all picks are possible at first; what executing comes to, what is left replanned."
+        more = (
+            ";\nin what share of draws all picks are possible at first;\nand what executing comes to, with replanning."
+        )
     return ["", f"{said}{more}", "", *_table(cells)]
 
 
