@@ -18,6 +18,7 @@ from basenet_jax.config import GridConfig, PickConfig, WorldConfig
 from basenet_jax.robot.kinematics import reach_sphere
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.clutter import Clutter, as_bits, obtainable
+from basenet_jax.task.gripper_blockers import gripper_blockers
 from basenet_jax.task.picking import Reason, Rules, estimate_pick_time, pick, ways_to_pick
 from basenet_jax.trigonometry import sin_cos
 from basenet_jax.world.boxes import Room
@@ -107,6 +108,7 @@ def check_candidates(
     near = may_reach(robot, poses[:, None], grasps) & scene.mask
     slots, objects = len(scene.mask), scene.object_boxes
     cluttered = Rules.of(world.pick, scene.room).object_in_the_way
+    needed = gripper_blockers(robot, grasps, objects, world.pick)
 
     def check(pair: Int[Array, " P"]) -> tuple[Array, ...]:
         pose, slot = jnp.divmod(pair, slots)
@@ -116,7 +118,8 @@ def check_candidates(
         others = jax.tree.map(lambda x: jnp.broadcast_to(x, (len(pair), *x.shape)), objects)
         own = slot[:, None] == jnp.arange(slots)
         others = dataclasses.replace(others, blocks_arm=others.blocks_arm & ~own)
-        ways = ways_to_pick(robot, poses[pose], grasps[slot], scene.room, others, world.pick, ways=WAYS)
+        about = (robot, poses[pose], grasps[slot], scene.room, others, world.pick)
+        ways = ways_to_pick(*about, ways=WAYS, needed=needed[slot] & ~own[:, None, None])
         return ways.time, ways.reason, as_bits(ways.blockers)
 
     reason = jnp.full(near.shape, int(Reason.OUT_OF_REACH), jnp.int32)

@@ -167,7 +167,7 @@ def tool_target(robot: Robot, picks: Picks, back: ArrayLike, turn: ArrayLike) ->
     sine, cosine = sin_cos(heading)
     along, across = x - base_x, y - base_y
     in_base = (cosine * along + sine * across, cosine * across - sine * along, z)
-    grasp = turn_about_z(Frame(*_axes(roll, pitch, yaw - heading), in_base), jnp.asarray(turn))
+    grasp = turn_about_z(Frame(*axes(roll, pitch, yaw - heading), in_base), jnp.asarray(turn))
     rows = tuple(tuple(row) for row in robot.mount_rotation)
     origin = subtract(grasp.origin, scale(jnp.asarray(back), grasp.z))
     offset = tuple(p - robot.mount_position[k] for k, p in enumerate(origin))
@@ -178,7 +178,7 @@ def tool_target(robot: Robot, picks: Picks, back: ArrayLike, turn: ArrayLike) ->
     return Frame(in_arm(grasp.x), in_arm(grasp.y), in_arm(grasp.z), in_arm(offset))
 
 
-def _axes(roll: Array, pitch: Array, yaw: Array) -> tuple[Vector, Vector, Vector]:
+def axes(roll: Array, pitch: Array, yaw: Array) -> tuple[Vector, Vector, Vector]:
     """The columns of Rz(yaw) Ry(pitch) Rx(roll); a loop, or XLA computes every sine anew for each component."""
     roll, pitch, yaw = jnp.broadcast_arrays(roll, pitch, yaw)
     (sin_r, sin_p, sin_y), (cos_r, cos_p, cos_y) = jax.lax.map(sin_cos, jnp.stack([roll, pitch, yaw]))

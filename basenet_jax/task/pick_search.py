@@ -77,11 +77,14 @@ class PickProblem(NamedTuple):
     collides: Bool[Array, " B"]  # the base
     room: Room
     neighbours: Boxes | None
+    needed: Bool[Array, "B G T N"] | None  # the neighbours that must be gone for each grasp in any case
     config: PickConfig
     arm_check: ArmCheck
 
     @classmethod
-    def make(cls, robot, batch, base_pose, grasps, room, neighbours, config, arm_check, seeds) -> "PickProblem":
+    def make(
+        cls, robot, batch, base_pose, grasps, room, neighbours, config, arm_check, *, seeds=None, needed=None
+    ) -> "PickProblem":
         """Of base poses and grasps that are rows of a batch already."""
         if room.batched:
             room = as_rows(room, room.boxes.low.ndim - 1, batch)
@@ -90,14 +93,16 @@ class PickProblem(NamedTuple):
         collides = base_collides(robot, base_pose, room, config.base_clearance_m, config.touching_m)
         picks = arm_solutions.make_picks(base_pose, grasps)
         solutions = arm_solutions.solve(robot, picks, config, seeds)
-        return cls(robot, picks, solutions, collides, room, neighbours, config, arm_check)
+        if needed is not None:
+            needed = as_rows(needed, needed.ndim - 3, batch)
+        return cls(robot, picks, solutions, collides, room, neighbours, needed, config, arm_check)
 
     def take(self, index: Int[Array, " at_once"]) -> "PickProblem":
         """Some of the picks."""
         picks, solutions, collides = rounds.take((self.picks, self.solutions, self.collides), index)
         room = rounds.take(self.room, index, axis=0) if self.room.batched else self.room
-        neighbours = None if self.neighbours is None else rounds.take(self.neighbours, index, axis=0)
-        return self._replace(picks=picks, solutions=solutions, collides=collides, room=room, neighbours=neighbours)
+        around = rounds.take((self.neighbours, self.needed), index, axis=0)
+        return PickProblem(self.robot, picks, solutions, collides, room, *around, self.config, self.arm_check)
 
 
 class Checked(NamedTuple):
@@ -109,6 +114,7 @@ class Checked(NamedTuple):
     grasp: Int[Array, " B"]
     touched: Bool[Array, "B N"]  # which neighbours are in the way
     alone: Bool[Array, " B"]  # whether it breaks no rule but that
+    needed: Bool[Array, "B G T N"] | None  # of its pick, see `PickProblem`
 
     @property
     def feasible(self) -> Bool[Array, " B"]:
@@ -131,13 +137,18 @@ class Search(NamedTuple):
     found: Any  # arrays whose last axis is B
 
 
-def search_solutions(problem: PickProblem, start: Any, keep: Callable[[Any, Checked], tuple[Any, Array]]) -> Search:
+# (what is found, solutions that were checked) -> what is found then, whether that decides, and which grasps and turns
+# are of no use any more, "B G T"; None: any may be
+Keep = Callable[[Any, Checked], tuple[Any, Array, Array | None]]
+
+
+def search_solutions(problem: PickProblem, start: Any, keep: Keep) -> Search:
     """Looks at the solutions of all picks, the fastest first, until all are decided.
 
     Args:
         problem: of B picks.
         start: what is found before anything is looked at; arrays whose last axis is B.
-        keep: what is found after some solutions were looked at, and whether that decides.
+        keep: what some solutions that were looked at change.
     """
     estimate = jnp.where(problem.collides, jnp.inf, problem.solutions.estimate)
     search = Search(
@@ -150,8 +161,12 @@ def search_solutions(problem: PickProblem, start: Any, keep: Callable[[Any, Chec
     def keep_next(search: Search, looked_at: tuple[Array, Checked]) -> tuple[Search, None]:
         """What a pick's next solution changes, unless it is decided already."""
         choice, checked = looked_at
-        found, decides = keep(search.found, checked)
+        found, decides, useless = keep(search.found, checked)
         estimate = search.estimate.at[choice, jnp.arange(len(choice))].set(jnp.inf)
+        if useless is not None:  # solutions are numbered grasp by grasp, the turn is last
+            of_solution = jnp.transpose(useless, (1, 2, 0))[:, None]
+            estimate = jnp.where(of_solution, jnp.inf, estimate.reshape(len(of_solution), -1, *of_solution.shape[2:]))
+            estimate = estimate.reshape(search.estimate.shape)
         after = Search(
             estimate=estimate,
             rule=jnp.where(checked.feasible, checked.rule, jnp.maximum(checked.rule, search.rule)),
@@ -218,7 +233,8 @@ def _check(problem: PickProblem, choice: Int[Array, " B"]) -> Checked:
         rule = jnp.where(holds, reason, rule)
         alone &= ~holds | (reason == Reason.OBJECT_IN_THE_WAY)
     duration = arm_solutions.cycle_duration(robot, tuple(joints[:, 0]), tuple(joints[:, -1]), config)
-    return Checked(rule, duration, joints, arm_solutions.grasp_of(picks, solutions, choice), touched, alone)
+    grasp = arm_solutions.grasp_of(picks, solutions, choice)
+    return Checked(rule, duration, joints, grasp, touched, alone, problem.needed)
 
 
 def _of_possible(

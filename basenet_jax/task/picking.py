@@ -66,7 +66,7 @@ def pick(
     if neighbours is not None and not Rules.of(config, room).object_in_the_way:
         neighbours = None
     batch, base_pose, grasps = _flat(base_pose, grasps)
-    problem = PickProblem.make(robot, batch, base_pose, grasps, room, neighbours, config, arm_check, seeds)
+    problem = PickProblem.make(robot, batch, base_pose, grasps, room, neighbours, config, arm_check, seeds=seeds)
     home = jnp.asarray(robot.home, base_pose.dtype)[:, None, None]
     start = _Found(
         time=jnp.zeros(len(base_pose), problem.solutions.estimate.dtype),
@@ -74,10 +74,11 @@ def pick(
         grasp=jnp.full(len(base_pose), -1),
     )
 
-    def keep(found: _Found, checked: Checked) -> tuple[_Found, Array]:
+    def keep(found: _Found, checked: Checked) -> tuple[_Found, Array, None]:
         """The first that is feasible is the fastest."""
         new = _Found(checked.time, checked.joints, checked.grasp)
-        return jax.tree.map(lambda new, old: jnp.where(checked.feasible, new, old), new, found), checked.feasible
+        found = jax.tree.map(lambda new, old: jnp.where(checked.feasible, new, old), new, found)
+        return found, checked.feasible, None
 
     search = search_solutions(problem, start, keep)
     found = search.found
@@ -100,6 +101,7 @@ def ways_to_pick(
     arm_check: ArmCheck = capsules_touch,
     *,
     ways: int,
+    needed: Bool[Array, "*batch G T N"] | None = None,
 ) -> Ways:
     """In how many ways objects can be picked from base poses, by what must be gone first.
 
@@ -115,13 +117,14 @@ def ways_to_pick(
         config: heights, tolerances and durations of the cycle.
         arm_check: tests joint states for collision.
         ways: A, how many are kept at most.
+        needed: which must be gone for each grasp in any case, see `gripper_blockers`: spares looking in vain.
     """
     batch, base_pose, grasps = _flat(base_pose, grasps)
-    problem = PickProblem.make(robot, batch, base_pose, grasps, room, neighbours, config, arm_check, None)
+    problem = PickProblem.make(robot, batch, base_pose, grasps, room, neighbours, config, arm_check, needed=needed)
     none = jnp.full((ways, len(base_pose)), jnp.inf, problem.solutions.estimate.dtype)
     start = _Kept(none, jnp.zeros((ways, neighbours.low.shape[-1], len(base_pose)), bool))
 
-    def keep(kept: _Kept, checked: Checked) -> tuple[_Kept, Array]:
+    def keep(kept: _Kept, checked: Checked) -> tuple[_Kept, Array, Array | None]:
         there, touched = jnp.isfinite(kept.time), checked.touched.T
         in_vain = jnp.any(there & jnp.all(~kept.blockers | touched, axis=1), axis=0)
         fewer = jnp.sum(touched, axis=0) < jnp.sum(kept.blockers[-1], axis=0)
@@ -129,7 +132,11 @@ def ways_to_pick(
         taken = checked.alone & ~in_vain & (~there[-1] | fewer)
         here = taken & (jnp.arange(ways)[:, None] == place)
         new = _Kept(jnp.where(here, checked.time, kept.time), jnp.where(here[:, None], touched, kept.blockers))
-        return new, taken & ~jnp.any(touched, axis=0)
+        useless = None
+        if checked.needed is not None:  # what is kept already needs no more than a grasp does in any case
+            enough = jnp.all(~new.blockers[:, :, None, None] | jnp.moveaxis(checked.needed, (0, 3), (3, 0)), axis=1)
+            useless = jnp.transpose(jnp.any(enough & jnp.isfinite(new.time)[:, None, None], axis=0), (2, 0, 1))
+        return new, taken & ~jnp.any(touched, axis=0), useless
 
     search = search_solutions(problem, start, keep)
     kept, some = search.found, jnp.isfinite(search.found.time[0])

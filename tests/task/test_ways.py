@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from basenet_jax.config import PickConfig
+from basenet_jax.task.gripper_blockers import gripper_blockers
 from basenet_jax.task.picking import Ways, pick, ways_to_pick
 from basenet_jax.world.boxes import Room
 from basenet_jax.world.grasps import from_the_side, of_class, of_objects, together
@@ -19,6 +20,7 @@ CONFIG = PickConfig(object_in_the_way="on", arm_hits_itself="on", near_singular=
 
 _ways = jax.jit(ways_to_pick, static_argnames=("config", "ways"))
 _pick = jax.jit(pick, static_argnames="config")
+_gripper_blockers = jax.jit(gripper_blockers, static_argnames="config")
 
 
 @pytest.fixture(scope="module")
@@ -103,3 +105,17 @@ def test_a_room_says_whether_the_rules_hold(robot, room, crowd, base_poses):
     jax.tree.map(np.testing.assert_array_equal, switched, by_room)
     free = own(room, config=PickConfig(), neighbours=boxes)
     assert np.sum(free.feasible) > np.sum(switched.feasible)
+
+
+def test_what_grippers_touch_in_any_case_only_spares_work(robot, room, crowd, base_poses, ways):
+    """The same ways; and grasps that touch a neighbour wherever the arm is are some, not all."""
+    pose, grasps, boxes = pairs(crowd, base_poses)
+    needed = np.asarray(_gripper_blockers(robot, crowd.grasps, crowd.object_boxes, config=CONFIG))
+    others = ~np.eye(OBJECTS, dtype=bool)[:, None, None]
+    share = np.mean(np.any(needed & others, axis=-1)[np.asarray(crowd.grasps.there)])
+    assert 0.1 < share < 0.9
+    slot = np.tile(np.arange(OBJECTS), len(base_poses))
+    spared = jax.device_get(
+        _ways(robot, pose, grasps, room, boxes, config=CONFIG, ways=WAYS, needed=(needed & others)[slot])
+    )
+    jax.tree.map(np.testing.assert_array_equal, spared, ways)
