@@ -33,7 +33,9 @@ from benchmarks.harness import Options, Report, parse
 
 NAME = "viewer_latency"
 _STEP_M = 0.06  # by which objects are dragged, there and back
+_SURFACE_STEP_M = 0.3  # by which surfaces are: some ten pixels, all of a room being seen; less is taken for a click
 _PATIENCE_S = 600.0  # with compiling
+_MOVED_S = 120.0  # a plan after a move, which may have to be compiled
 _SETTLED_MS = 1_000  # after which all that a drop brings is drawn
 _MOVES, _MOVE_MS = 6, 80.0  # of a drag
 # When the mouse let go, and when the first frame after the newest figures was drawn (both ms). Reading a pixel waits
@@ -100,6 +102,8 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     try:
         viewer.session.wait_idle(_PATIENCE_S)
         with page_of(viewer, 900, 600) as page:
+            if options.kind == "rooms":
+                _look_down(viewer, page)
             page.evaluate(_WATCH_DRAWING)
             drawn_by = page.evaluate(_RENDERER)
             drops = list(itertools.islice(_drops(viewer, page, sends, free_drag), options.repeats))
@@ -134,6 +138,15 @@ def _watch_sends() -> list[float]:
 
     ServerConnection.send = timed
     return times
+
+
+def _look_down(viewer, page) -> None:
+    """Has the page look at the first surface from above, so that steps of its middle are many pixels."""
+    (client,) = viewer.server.get_clients().values()
+    x, y, _ = np.asarray(viewer.session.scene.arrays.room.boxes.pose[0], float)
+    with client.atomic():
+        client.camera.position, client.camera.look_at = (x, y - 3.0, 5.0), (x, y, 0.7)
+    page.wait_for_timeout(_SETTLED_MS)
 
 
 def _drops(viewer, page, sends: list[float], free_drag: FreeDrag) -> Iterator[_Drop]:
@@ -184,7 +197,7 @@ def _free_drag_of_surface(scene: NamedScene, camera, number: int) -> tuple[np.nd
     angles = np.arange(8) * np.pi / 4 + number
     for box, corner, angle in itertools.product(np.roll(surfaces, -number), corners, angles):
         name, place = scene.box_names[box], to_world(boxes.pose[box], corner[None] * boxes.half_size[box])[0]
-        top, move = np.array([*place, boxes.high[box]]), _STEP_M * np.array([np.cos(angle), np.sin(angle), 0.0])
+        top, move = np.array([*place, boxes.high[box]]), _SURFACE_STEP_M * np.array([np.cos(angle), np.sin(angle), 0.0])
         seen, _ = hit(scene, camera.position, top - [0.0, 0.0, 0.002] - camera.position)
         if seen == Target(name):
             with contextlib.suppress(PlacementError):
@@ -194,7 +207,7 @@ def _free_drag_of_surface(scene: NamedScene, camera, number: int) -> tuple[np.nd
 
 
 def _wait(done) -> None:
-    end = time.perf_counter() + 10.0
+    end = time.perf_counter() + _MOVED_S
     while not done():
         if time.perf_counter() > end:
             raise RuntimeError("a drag moved nothing: is something before the object?")
