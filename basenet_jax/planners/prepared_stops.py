@@ -28,7 +28,7 @@ from basenet_jax.task.prepared_world import PreparedWorld, prepare_world
 from basenet_jax.task.roadmap import Roadmap, padded
 from basenet_jax.world.boxes import Room, fingerprint
 
-_LEAST = 128  # stops
+_LEAST = 256  # stops
 
 
 def prepared_stops(
