@@ -50,7 +50,7 @@ def main(arguments: list[str] | None = None) -> None:
     uncertainty = UncertaintyConfig(sd_xy_m=options.sd_xy_m, sd_heading_rad=radians(options.sd_heading_degrees))
     scene = bn.sample_scene(jax.random.key(options.seed), objects=options.objects)
     errors = draw_errors(jax.random.key(1), UncertaintyConfig(**vars(uncertainty) | {"draws": options.draws}))
-    figure = Figure(figsize=(12, 5.2), layout="constrained")
+    figure = Figure(figsize=(12, 3.9), layout="constrained")
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
     robust = {"uncertainty": uncertainty, "reliability": options.reliability}
     for axes, title, how in zip(panels, ("without errors in mind", "planned for errors"), ({}, robust), strict=True):
