@@ -22,8 +22,9 @@ from basenet_jax.config import PickConfig, WorldConfig
 from basenet_jax.devices import Devices, use_devices
 from basenet_jax.planners.candidates import Candidates, check_candidates, estimate_times, join, only_reachable
 from basenet_jax.planners.chance import likely_times, reliable
+from basenet_jax.planners.greedy_stops import greedy_route
 from basenet_jax.planners.optimistic import TOLERANCE_S, Settled, settle, stop_scene
-from basenet_jax.planners.options import SampleOptions, StopsOptions
+from basenet_jax.planners.options import GreedyStopsOptions, SampleOptions, StopsOptions
 from basenet_jax.planners.protocol import PlannerSetup, in_parts, no_plan
 from basenet_jax.policies.stop_policy import StopPolicy, StopScene, make_scene
 from basenet_jax.policies.stop_rollout import StopPlan, cheapest, choose_best, plan_of, plans_of, play, repeated, sample
@@ -41,6 +42,8 @@ from basenet_jax.world.scene import Scene
 _PAIRS = 1536  # of stop and object: all those of ten objects and the aligned stops in reach
 _PAIRS_AT_ONCE = 4 * _PAIRS  # of several scenes, estimated in one round
 _SCENES_AT_ONCE = 16  # planned in one round
+_WORTH = GreedyStopsOptions().seconds_per_object
+_BUCKET = 256  # poses of the grid that join a room's stops are a multiple of this
 _BATCH = 256  # scenes of one call of the compiled program on each device; more go in several calls
 
 
@@ -174,11 +177,15 @@ class BaSeNet:
     def _plan_everywhere(self, scene: Scene, key: Array) -> Plan:
         """A plan over the aligned stops, checked in full, and the grid's poses where these serve what the stops don't.
 
-        The drives between all of them are millions, which are costed for nothing where the grid doesn't help.
+        The drives between all of them are millions, which are costed for nothing where the grid doesn't help. In rooms,
+        whose drives are dear, only those of the grid's poses join that serve something that the stops don't.
         """
         aligned, grid = self._check(scene, self._prepared), self._check(scene, self._setup.grid_stops)
         both, missed = join(aligned, grid), ~jnp.any(aligned.serves, axis=0)
-        if bool(jnp.any(both.serves & missed)):
+        helps = np.asarray(jnp.any(both.serves & missed, axis=1))
+        if np.any(helps):
+            if self._setup.docked is not None:
+                both = both.rows(_with_all_of(len(aligned.base_pose), np.flatnonzero(helps)))
             return self._play(scene, both, self._prepare(both.base_pose), key)
         return self._play(scene, dataclasses.replace(aligned, reason=both.reason), self._prepared, key)
 
@@ -205,6 +212,8 @@ class BaSeNet:
         if self._program.samples:
             visited = _sample(self._made_for.params, scene, problem, key, program=self._program)
             return _take_cheapest(self._made_for.params, scene, problem, nothing, visited, program=self._program).plan
+        if self._cluttered:
+            return _play_beside_rule(self._made_for.params, scene, problem, program=self._program).plan
         return _play_greedily(self._made_for.params, scene, problem, nothing, program=self._program).plan
 
     def _preparations_in_clutter(self, scene: Scene) -> Sequence[Callable[[], object]]:
@@ -222,6 +231,12 @@ class BaSeNet:
 
     def _prepare(self, poses: Float[Array, "K 3"]) -> PreparedWorld:
         return prepare_world(self._setup.robot, self._setup.drives, poses)
+
+
+def _with_all_of(first: int, further: Int[np.ndarray, " F"]) -> Int[np.ndarray, " K"]:
+    """The first so many rows and some of the others, filled up with copies so that few numbers of them are compiled."""
+    some = further[further >= first]
+    return np.concatenate([np.arange(first), np.resize(some, len(some) + -len(some) % _BUCKET)])
 
 
 class _MadeFor(NamedTuple):
@@ -285,6 +300,14 @@ def _play_greedily(params: Any, scene: Scene, problem: StopProblem, known: _Know
     problem = _corrected(scene, problem, known)
     one = repeated(make_scene(problem, scene.robot_start, scene.first_grasp), 1)
     return _propose(scene, problem, plan_of(problem, play(program.policy, params, one, choose_best)[0]))
+
+
+@partial(Stored, static=("program",))
+def _play_beside_rule(params: Any, scene: Scene, problem: StopProblem, *, program: _Program) -> _Proposal:
+    """The policy's rollout, or the route of the greedy rule where that is cheaper: in rooms it was never trained."""
+    one = repeated(make_scene(problem, scene.robot_start, scene.first_grasp), 1)
+    visited = jnp.concatenate([play(program.policy, params, one, choose_best), greedy_route(problem, _WORTH)[None]])
+    return _propose(scene, problem, cheapest(problem, visited))
 
 
 @partial(Stored, static=("program",))

@@ -44,6 +44,12 @@ class Candidates:
         None  # where objects are in each other's way; the others' fields are with all gone that can
     )
 
+    def rows(self, index: Int[np.ndarray, " P"]) -> "Candidates":
+        """Some of the poses, of which each object that is served has one left."""
+        own = (self.base_pose, self.serves, self.pick_time, self.first_drive, self.clutter)
+        pose, serves, pick_time, first, clutter = jax.tree.map(lambda x: x[index], own)
+        return Candidates(pose, serves, pick_time, self.reason, first, clutter)
+
     def times_among(self, standing: Bool[Array, " M"]) -> Float[Array, "K M"]:
         """Pick times (s) while these objects stand; infinite where the pose can't serve the object yet."""
         if self.clutter is not None:

@@ -17,6 +17,7 @@ from basenet_jax.planners.reachability import CandidateSource, unserved_reason
 from basenet_jax.robot.model import Robot
 from basenet_jax.task.plan import Plan, compiled_execute
 from basenet_jax.task.prepared_world import PreparedWorld
+from basenet_jax.task.stop_problem import StopProblem
 from basenet_jax.world.scene import Scene
 
 
@@ -113,3 +114,19 @@ def greedy_visits(
 
     _, visits = jax.lax.scan(visit, (jnp.array(-1), mask), length=len(mask))
     return visits
+
+
+def greedy_route(problem: StopProblem, worth: Float[Array, ""] | float) -> Int[Array, " M"]:
+    """The stops of the greedy rule in order, then -1.
+
+    Args:
+        problem: unbatched.
+        worth: of one object served (s).
+    """
+
+    def drives(stop: Array) -> Array:
+        return jnp.where(stop < 0, problem.first_drive, problem.drive[stop])
+
+    at, serves = greedy_visits(problem, problem.pick_time, drives, problem.mask, worth)
+    arrives = jnp.any(serves, axis=1) & (at != jnp.roll(at, 1).at[0].set(-1))
+    return jnp.where(arrives, at, -1)[jnp.argsort(~arrives, stable=True)]

@@ -10,14 +10,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jaxtyping import Int
 
 from basenet_jax.compilation import Stored
 from basenet_jax.config import RefinementConfig, WorldConfig
 from basenet_jax.planners.candidates import PAIRS_AT_ONCE as GRID_PAIRS_AT_ONCE
 from basenet_jax.planners.candidates import Candidates, check_candidates, join, only_reachable
 from basenet_jax.planners.chance import reliable, shortfall
-from basenet_jax.planners.greedy_stops import greedy_visits
+from basenet_jax.planners.greedy_stops import greedy_route
 from basenet_jax.planners.options import GreedyStopsOptions, RefinedOptions
 from basenet_jax.planners.protocol import PlannerSetup, no_plan
 from basenet_jax.planners.refinement import alternatives, reassign, refine
@@ -30,12 +29,12 @@ from basenet_jax.task.picking import Rules
 from basenet_jax.task.plan import Plan, compiled_execute
 from basenet_jax.task.prepared_world import PreparedWorld, compiled_first_drives, prepare_world
 from basenet_jax.task.reliability import Chance
-from basenet_jax.task.stop_problem import StopProblem
 from basenet_jax.world.scene import Scene
 
 EXACT_OBJECTS = 11  # more are searched: exact planning takes 30 ms here and doubles with every further object
 SEARCH_ITERATIONS = 2000  # 50 ms at 12 objects, 150 ms at 30; more gain less than 0.1 %
 _WORTH = GreedyStopsOptions().seconds_per_object
+_greedy_route = jax.jit(greedy_route)
 PAIRS_AT_ONCE = 1536  # of stop and object: all those of ten objects and the aligned stops in reach
 
 
@@ -114,7 +113,7 @@ class Refined:
             return problem.plan(scene, *problem.best_steps())
         clutter, start = problem.problem.clutter, None
         if clutter is not None:  # the search's neighbours don't see what is in the way: it begins where all is had
-            start = np.asarray(_greedy_start(problem.problem))
+            start = np.asarray(_greedy_route(problem.problem, _WORTH))[:MAX_STOPS]
         found = search_stops(*problem.costs, key, iterations=SEARCH_ITERATIONS, start=start, clutter=clutter)
         return problem.plan(scene, *plan_steps(found))
 
@@ -156,20 +155,6 @@ class Refined:
         if setup.chance is not None:
             missing = shortfall(setup.robot, scene, plan, outcome, setup.chance, setup.world.pick)
         return int(outcome.grasped), -missing, -float(outcome.execution)
-
-
-@jax.jit
-def _greedy_start(problem: StopProblem) -> Int[Array, " S"]:
-    """The stops of the greedy rule, then -1."""
-    at, serves = greedy_visits(
-        problem,
-        problem.pick_time,
-        lambda stop: jnp.where(stop < 0, problem.first_drive, problem.drive[stop]),
-        problem.mask,
-        _WORTH,
-    )
-    arrives = jnp.any(serves, axis=1) & (at != jnp.roll(at, 1).at[0].set(-1))
-    return jnp.where(arrives, at, -1)[jnp.argsort(~arrives, stable=True)][:MAX_STOPS]
 
 
 @partial(Stored, static=("config", "world"))
