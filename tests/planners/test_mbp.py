@@ -39,7 +39,8 @@ def follow_tour(scene, base_pose, stop_of_pose, visited):
 
 def as_candidates(poses, serves, pick_time=None):
     time = np.where(serves, 1.0, np.inf) if pick_time is None else pick_time
-    return Candidates(*(jnp.asarray(x) for x in (poses, serves, time, np.zeros(serves.shape[1], int))))
+    base_pose, served, pick = (jnp.asarray(x) for x in (poses, serves, time))
+    return Candidates(base_pose, served, pick, jnp.zeros(serves.shape[1], int))
 
 
 @pytest.mark.parametrize("seed", range(4))

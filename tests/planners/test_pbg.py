@@ -47,13 +47,18 @@ def follow(scene, candidates, slots, poses):
     return set(passed) | remaining
 
 
+def as_candidates(poses, serves, reason):
+    base_pose, served, why = (jnp.asarray(x) for x in (poses, serves, reason))
+    return Candidates(base_pose, served, jnp.where(served, 1.0, jnp.inf), why)
+
+
 def random_candidates(rng, scene, poses, each):
     """Each of the first four objects is served by so many random poses: few send the base all round the table."""
     serves = np.zeros((len(poses), len(scene.mask)), bool)
     for slot in range(4):
         serves[rng.permutation(len(poses))[:each], slot] = True
     reason = np.where(scene.mask & ~serves.any(axis=0), Reason.ARM_COLLIDES, Reason.NONE)
-    return Candidates(*(jnp.asarray(x) for x in (poses, serves, np.where(serves, 1.0, np.inf), reason)))
+    return as_candidates(poses, serves, reason)
 
 
 @pytest.mark.parametrize("each", [1, 3, 50])
@@ -78,7 +83,7 @@ def test_an_object_that_can_not_be_driven_to_is_passed_over(robot, random_scene,
     poses[0] = 0.0
     serves = np.tile(scene.mask, (len(poses), 1))
     serves[1:, 2] = False
-    candidates = Candidates(*(jnp.asarray(x) for x in (poses, serves, np.where(serves, 1.0, np.inf), np.zeros(6, int))))
+    candidates = as_candidates(poses, serves, np.zeros(6, int))
     stops = prepare_world(robot, PointDrives(scene.room, NavigationConfig()), candidates.base_pose, all_pairs=False)
     steps, reason = jax.device_get(nearest_first(robot, scene, candidates, stops))
     assert sorted(steps.slot[steps.found].tolist()) == [0, 1, 3, 4]
