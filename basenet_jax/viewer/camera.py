@@ -46,7 +46,7 @@ class Cameras:
         self._scene, self._first = scene, np.array(first.position)
 
     async def _welcome(self, client: viser.ClientHandle) -> None:
-        client.camera.on_update(_stay_above)
+        client.camera.on_update(KeptAbove().put_back)
         client.camera.on_update(self._fit)
 
     async def _fit(self, camera: viser.CameraHandle) -> None:
@@ -102,11 +102,22 @@ def whole_scene(
     return position, position + ahead * (position[2] / -ahead[2])
 
 
-async def _stay_above(camera: viser.CameraHandle) -> None:
-    """Puts back a camera that has gone below the floor, or looks at something below."""
-    position, middle = np.array(camera.position), np.array(camera.look_at)
-    if position[2] >= _LOWEST_M and middle[2] >= 0.0:
-        return
-    with camera.client.atomic():
-        camera.position = (*position[:2], max(position[2], _LOWEST_M))
-        camera.look_at = (*middle[:2], max(middle[2], 0.0))
+class KeptAbove:
+    """Puts back a page's camera that has gone below the floor, or looks at something below.
+
+    A page may tell of the camera that it has before it is given its first one: on the floor. That one is left alone, or
+    the first would be lost.
+    """
+
+    def __init__(self):
+        self._was_above = False
+
+    async def put_back(self, camera: viser.CameraHandle) -> None:
+        """After each move of the page's camera."""
+        position, middle = np.array(camera.position), np.array(camera.look_at)
+        if position[2] >= _LOWEST_M and middle[2] >= 0.0:
+            self._was_above = True
+        elif self._was_above:
+            with camera.client.atomic():
+                camera.position = (*position[:2], max(position[2], _LOWEST_M))
+                camera.look_at = (*middle[:2], max(middle[2], 0.0))

@@ -69,7 +69,7 @@ def test_cost_is_the_judges(robot, room):
     many = repeated(make_scene(problem, scene.robot_start, scene.first_grasp), 3)
     visited = sampled(shaken(many), many, jax.random.key(0))
     plans = plans_of(many.problem, visited)
-    for stops, picked_at, cost in zip(*map(np.asarray, plans), strict=True):
+    for stops, picked_at, cost in zip(*map(np.asarray, (plans.stops, plans.picked_at, plans.cost)), strict=True):
         order = np.argsort(picked_at, kind="stable")[np.sum(picked_at < 0) :]
         plan = assemble_plan(scene, order, np.asarray(poses)[stops[picked_at[order]]], np.zeros(4, int))
         outcome = compiled.execute(robot, scene, plan)

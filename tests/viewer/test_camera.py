@@ -46,6 +46,11 @@ class Camera(SimpleNamespace):
         super().__setattr__(name, np.array(value) if name in ("position", "look_at") else value)
 
 
+def page_of(position, look_at, width=700, height=900):
+    client = SimpleNamespace(atomic=contextlib.nullcontext)
+    return Camera(client=client, image_width=width, image_height=height, position=position, look_at=look_at)
+
+
 @pytest.mark.parametrize(
     ("before", "after"),
     [
@@ -55,14 +60,17 @@ class Camera(SimpleNamespace):
     ],
 )
 def test_a_camera_stays_above_the_floor(before, after):
-    moved = Camera(client=SimpleNamespace(atomic=contextlib.nullcontext), position=before[0], look_at=before[1])
-    asyncio.run(camera._stay_above(moved))  # pyright: ignore[reportArgumentType]
+    kept, first, moved = camera.KeptAbove(), page_of((0.0, -3.0, 3.0), (0.0, 0.0, 0.0)), page_of(*before)
+    for page in (first, moved):
+        asyncio.run(kept.put_back(page))  # pyright: ignore[reportArgumentType]
     np.testing.assert_allclose([moved.position, moved.look_at], after, atol=1e-12)
 
 
-def page_of(position, look_at, width=700, height=900):
-    client = SimpleNamespace(atomic=contextlib.nullcontext)
-    return Camera(client=client, image_width=width, image_height=height, position=position, look_at=look_at)
+def test_the_camera_before_a_page_is_given_its_first_is_left_alone():
+    """It stands on the floor; where it is put back, the page keeps it."""
+    kept, early = camera.KeptAbove(), page_of((-5.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    asyncio.run(kept.put_back(early))  # pyright: ignore[reportArgumentType]
+    np.testing.assert_array_equal(early.position, (-5.0, 0.0, 0.0))
 
 
 def test_a_page_shows_all_at_first_and_then_what_its_owner_looks_at(scene):
